@@ -61,17 +61,18 @@ campaign: $(VENV)/.ready  ## the studies of docs/results.md and the tests that t
 	$(BIN)/python -m pytest -q -n auto -m "hypothesis and not campaign" --hypothesis-profile=campaign
 	$(BIN)/python -m pytest -q -m campaign
 	for study in drift paper-table-1 localisation; do $(BIN)/star ablate missions/studies/$$study.yaml; done
-	for topic in covariance search relief downwash; do $(BIN)/python benchmarks/$$topic.py; done
+	for topic in covariance search relief; do $(BIN)/python -m tests.campaign.$$topic; done
+	$(BIN)/python benchmarks/downwash.py
 
 guardian: $(VENV)/.ready  ## the table of docs/guardian.md: flights whose program or guardian dies; long
-	$(BIN)/python benchmarks/guardian.py
-	$(BIN)/python benchmarks/guardian.py --cost
+	$(BIN)/python -m tests.campaign.guardian
+	$(BIN)/python -m tests.campaign.guardian --cost
 
 faults: $(VENV)/.ready  ## the fault matrix of docs/reliability.md; long
-	$(BIN)/python benchmarks/faults.py --page docs/reliability.md
+	$(BIN)/python -m tests.campaign.faults --page docs/reliability.md
 
 link-cuts: $(VENV)/.ready  ## the table of cut links in docs/reliability.md; long; FLIGHTS=10 flies fewer of each
-	$(BIN)/python -m tests.end_to_end.link_cuts --flights $(FLIGHTS)
+	$(BIN)/python -m tests.campaign.link_cuts --flights $(FLIGHTS)
 
 fuzz: $(VENV)/.ready  ## spoiled inputs of every kind (docs/fuzzing.md); long; TIMES=0.1 tries fewer, SKIP=flights leaves one out
 	$(BIN)/python -m tests.fuzz --times $(TIMES) $(addprefix --skip ,$(SKIP))
@@ -80,10 +81,10 @@ soak: $(VENV)/.ready  ## 30 drones over the protocol for 10 minutes: ticks, memo
 	$(BIN)/python benchmarks/soak.py
 
 safe-defaults: $(VENV)/.ready  ## the table of safe defaults in docs/reliability.md; long
-	$(BIN)/python benchmarks/safe_defaults.py
+	$(BIN)/python -m tests.campaign.safe_defaults
 
 mutants: $(VENV)/.ready  ## plant small mistakes, and print which of them the tests notice
-	$(BIN)/python benchmarks/mutants.py
+	$(BIN)/python -m tests.campaign.mutants
 
 scenarios: $(VENV)/.ready  ## the table of scenarios in docs/benchmarks.md; long
 	$(BIN)/star bench --seeds 30 --out runs/scenarios

@@ -1,4 +1,4 @@
-"""Every script of ``benchmarks/`` runs, in a small size, so that no published figure breaks unseen.
+"""Every benchmark and campaign runs in a small size, so that no published figure breaks unseen.
 
 A script is imported, its sizes are set, and its ``main`` is called in this process. What cannot be
 small, or needs real time, is marked `campaign`; what needs a peer that is not installed is skipped.
@@ -23,6 +23,7 @@ from star_core import Registry, fly, load
 
 ROOT = Path(__file__).parents[2]
 BENCHMARKS = ROOT / "benchmarks"
+CAMPAIGNS = ROOT / "tests" / "campaign"
 FLIGHTS = Path(  # recorded ones, where the scripts expect them
     os.environ.get("STAR_REAL_FLIGHTS", ROOT.parent / "shared" / "real" / "flights")
 )
@@ -58,24 +59,31 @@ SCRIPTS = {
         },
     ),
     "camera": Small(sizes={"ROUNDS": 1, "TIMES": 1, "LOOKS": 30}),
-    "covariance": Small("--json --seeds 1", {"PATHS": ("paper_box",)}, campaign="15 s"),
+    "tests.campaign.covariance": Small(
+        "--json --seeds 1", {"PATHS": ("paper_box",)}, campaign="15 s"
+    ),
     "demo": Small("--json --flights 1"),
     "detector": Small("--json --images 2 --scenes 1"),
     "disturbances": Small("--json --images 1"),
     "downwash": Small("--json --seeds 1", campaign="10 s"),
     "drag": Small(str(FLIGHTS), needs=(FLIGHTS,), campaign="20 s", prints="|"),
-    "faults": Small(
+    "tests.campaign.faults": Small(
         "--cells 'no fault' --seeds 1 --processes 1 --results {tmp}/faults.json", prints="|"
     ),
     "flight_bits": Small("--missions first_flight", prints="first_flight"),
     "fleet": Small(sizes={"FLIGHT": 1.0, "FLEETS": ((2, 10),)}, campaign="real time"),
-    "guardian": Small("--runs 1 --only sigkill", campaign="real time", prints="sigkill"),
-    "guided_fuzzing": Small("yaml -runs=10", needs=("atheris",), prints=""),
+    "tests.campaign.guardian": Small(
+        "--runs 1 --only sigkill", campaign="real time", prints="sigkill"
+    ),
+    "tests.fuzz.guided_fuzzing": Small("yaml -runs=10", needs=("atheris",), prints=""),
     "identify": Small(str(FLIGHTS), needs=(FLIGHTS,), campaign="20 s", prints="|"),
     "imu_errors": Small(str(FLIGHTS), needs=(FLIGHTS,), campaign="20 s", prints="|"),
     "landmarks": Small(campaign="60 s", sizes={"MINUTES": 2.0}),
     "mosaic": Small("--json --scenes 1", campaign="10 s"),
-    "mutants": Small("--only none-of-them", prints="0"),
+    "tests.campaign.link_cuts": Small(
+        "--flights 1 --processes 1 --phases landing --lengths 0.3", prints="landing"
+    ),
+    "tests.campaign.mutants": Small("--only none-of-them", prints="0"),
     "orca": Small("--json --agents 10", {"DRAWN": 20, "ROUNDS": 1}, needs=("pyrvo",)),
     "planner": Small(sizes={"POLYGONS": 4, "ROUNDS": 1, "BUILDS": 1, "QUERIES": 5}),
     "radio": Small(
@@ -85,12 +93,12 @@ SCRIPTS = {
     ),
     "real_flights": Small(f"{FLIGHTS} --json", needs=(FLIGHTS,), campaign="60 s"),
     "recording": Small("--json --rounds 1", campaign="real time"),
-    "relief": Small("--json --seeds 1 --rounds 1", campaign="6 s"),
+    "tests.campaign.relief": Small("--json --seeds 1 --rounds 1", campaign="6 s"),
     "report": Small("--json --rounds 1", needs=("playwright",), campaign="Chromium"),
-    "safe_defaults": Small(
+    "tests.campaign.safe_defaults": Small(
         "--seeds 1 --workers 1 --missions single-crossing-5 --out {tmp}/out", prints="crossing"
     ),
-    "search": Small("--json --worlds 1 --pattern sweep", campaign="10 s"),
+    "tests.campaign.search": Small("--json --worlds 1 --pattern sweep", campaign="10 s"),
     "silence": Small("--json --only plugins", campaign="two starts"),
     "sim": Small(
         sizes={"AGENTS": (1,), "ROUNDS": 1, "REPEATS": 1, "TIMES": 10, "LAPS": 1},
@@ -101,14 +109,22 @@ SCRIPTS = {
     "tick_cost": Small("--json --agents 3 --flights 1", {"ROUNDS": 1}),
     "tick_files": Small("--json"),
     "top_view": Small("{tmp}/run {tmp}/out.png", needs=("matplotlib",), prints=""),
-    "touchdowns": Small("--flights 1 --ways radio --cases normal", prints="normal"),
+    "tests.campaign.touchdowns": Small("--flights 1 --ways radio --cases normal", prints="normal"),
     "view": Small("--json --rounds 1", campaign="real time"),
 }
-PARTS = {"fault_cells", "fault_flight", "flight_models", "recorded_flights", "small_tags"}
+PARTS = {
+    "flight_models",
+    "recorded_flights",
+    "small_tags",
+    "tests.campaign.fault_cells",
+    "tests.campaign.fault_flight",
+}
 
 
 def test_every_script_is_run() -> None:
-    assert {path.stem for path in BENCHMARKS.glob("*.py")} == {*SCRIPTS} | PARTS
+    scripts = {path.stem for path in BENCHMARKS.glob("*.py")}
+    campaigns = {f"tests.campaign.{path.stem}" for path in CAMPAIGNS.glob("*.py")}
+    assert scripts | campaigns | {"tests.fuzz.guided_fuzzing"} == {*SCRIPTS} | PARTS
 
 
 def exit_status(main: Callable[[], object]) -> object:

@@ -2,61 +2,45 @@
 
 from __future__ import annotations
 
-import importlib
+from argparse import Namespace
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from star_core import Event
+from tests.campaign import fault_flight, faults, touchdowns
+from tests.campaign.fault_cells import CELLS
 
 pytestmark = pytest.mark.shipped_world
 
 
-@pytest.fixture
-def benchmarks(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], Any]:
-    """Import a file of benchmarks/ by its name."""
-    monkeypatch.syspath_prepend(Path(__file__).parents[2] / "benchmarks")
-    return importlib.import_module
-
-
-@pytest.fixture
-def matrix(benchmarks: Callable[[str], Any]) -> Any:
-    return benchmarks("faults")
-
-
-@pytest.fixture
-def flight(benchmarks: Callable[[str], Any]) -> Any:
-    return benchmarks("fault_flight")
-
-
-def cell(matrix: Any, name: str) -> Any:
-    (found,) = (one for one in matrix.CELLS if one.name == name)
+def cell(name: str) -> Any:
+    (found,) = (one for one in CELLS if one.name == name)
     return found
 
 
-def test_no_fault_breaks_no_policy_and_a_broken_motor_is_attributed(matrix: Any) -> None:
-    assert matrix.flown(cell(matrix, "no fault"), 0, "ideal")["broken"] == []
-    fallen = matrix.flown(cell(matrix, "a motor stops"), 0, "ideal")
+def test_no_fault_breaks_no_policy_and_a_broken_motor_is_attributed() -> None:
+    assert fault_flight.flown(cell("no fault"), 0, "ideal")["broken"] == []
+    fallen = fault_flight.flown(cell("a motor stops"), 0, "ideal")
     assert fallen["broken"] == []
     assert fallen["fallen"] == 1
 
 
 @pytest.mark.parametrize("seed", [7003, 8004])  # the second flies as fast as it may
-def test_a_stuck_flow_sensor_lets_no_drone_drift_away(matrix: Any, seed: int) -> None:
-    flown = matrix.flown(cell(matrix, "flow sensor of one drone stuck"), seed, "default")
+def test_a_stuck_flow_sensor_lets_no_drone_drift_away(seed: int) -> None:
+    flown = fault_flight.flown(cell("flow sensor of one drone stuck"), seed, "default")
     assert any("faster than it reports" in event for event in flown["events"])
     assert flown["broken"] == []
     assert flown["outside"] == 0.0
 
 
-def witness(matrix: Any, flight: Any) -> Any:
+def witness() -> Any:
     """Two drones that hover at 1 m for a second, 1 m apart, and are on the ground at 10 s."""
-    seen = flight.Witness(cell(matrix, "a motor stops"), 3.0)
+    seen = fault_flight.Witness(cell("a motor stops"), 3.0)
     seen.names, seen.speed_limit, seen.speed = ("cf1", "cf2"), 0.5, 0.5
     seen.time = [2.0, 3.0, 10.0]
     seen.truth = [np.array([[x, 0, z, 0, 0, 0] for x in (0.0, 1.0)]) for z in (1.0, 1.0, 0.0)]
@@ -106,53 +90,51 @@ def say_nothing(seen: Any) -> None:
         (say_nothing, "event"),
     ],
 )
-def test_every_policy_can_be_broken(
-    matrix: Any, flight: Any, breaks: Callable[[Any], None], policy: str
-) -> None:
-    seen = witness(matrix, flight)
+def test_every_policy_can_be_broken(breaks: Callable[[Any], None], policy: str) -> None:
+    seen = witness()
     judge = (seen._cell, seen, 0, 3.0, ["cf1"])
-    assert flight.judged(*judge, readable=True)["broken"] == []
-    assert flight.judged(*judge, readable=False)["broken"] == ["record"]
-    assert flight.judged(seen._cell, seen, 1, 3.0, ["cf1"], readable=True)["broken"] == ["status"]
+    assert fault_flight.judged(*judge, readable=True)["broken"] == []
+    assert fault_flight.judged(*judge, readable=False)["broken"] == ["record"]
+    assert fault_flight.judged(seen._cell, seen, 1, 3.0, ["cf1"], readable=True)["broken"] == [
+        "status"
+    ]
     breaks(seen)
-    assert flight.judged(*judge, readable=True)["broken"] == [policy]
+    assert fault_flight.judged(*judge, readable=True)["broken"] == [policy]
 
 
 @pytest.mark.parametrize(("agent", "broken"), [("cf1", []), (None, ["down"])])
 def test_the_loss_of_one_agent_does_not_fail_the_mission(
-    matrix: Any, flight: Any, agent: str | None, broken: list[str]
+    agent: str | None, broken: list[str]
 ) -> None:
     """The other lands 17 s later, and the mission fails after that for want of a report."""
-    seen = witness(matrix, flight)
+    seen = witness()
     linger(seen)
     seen.events.insert(0, Event(3.0, "failure", "cf1 is lost", agent))
     seen.events.append(Event(40.0, "failure", "cf1 did not report to be on the ground"))
     seen.truth[2][0, 2] = seen.truth[1][0, 2] = 0.0
     failing = replace(seen._cell, status=(1,))
-    assert flight.judged(failing, seen, 1, 3.0, ["cf1"], readable=True)["broken"] == broken
+    assert fault_flight.judged(failing, seen, 1, 3.0, ["cf1"], readable=True)["broken"] == broken
 
 
-def test_a_file_of_results_is_continued_at_its_commit_only(matrix: Any, tmp_path: Path) -> None:
-    options = SimpleNamespace(results=tmp_path / "results.json", world="default")
+def test_a_file_of_results_is_continued_at_its_commit_only(tmp_path: Path) -> None:
+    options = Namespace(results=tmp_path / "results.json", world="default")
     flights = {"no fault/0": {"status": 0, "broken": [], "cpu_s": 120.0}}
-    assert matrix._load(options, "one") == {}
-    matrix._save(options, "one", flights)
-    assert matrix._load(options, "one") == flights
+    assert faults._load(options, "one") == {}
+    faults._save(options, "one", flights)
+    assert faults._load(options, "one") == flights
     with pytest.raises(SystemExit, match="is not of commit two"):
-        matrix._load(options, "two")
+        faults._load(options, "two")
 
 
-def test_the_processor_time_of_missing_flights_is_estimated_by_those_flown(matrix: Any) -> None:
+def test_the_processor_time_of_missing_flights_is_estimated_by_those_flown() -> None:
     flights = {"no fault/0": {"cpu_s": 100.0}, "no fault/1": {"cpu_s": 140.0}}
-    assert next(matrix.costs(flights, [(0, 2), (0, 3)])) == (
+    assert next(faults.costs(flights, [(0, 2), (0, 3)])) == (
         "row 0: 2 flights, 4 min of processor time"
     )
 
 
 @pytest.mark.parametrize("seed", [15, 16])
-def test_a_take_off_that_is_broken_off_lands_gently(
-    benchmarks: Callable[[str], Any], seed: int, tmp_path: Path
-) -> None:
+def test_a_take_off_that_is_broken_off_lands_gently(seed: int, tmp_path: Path) -> None:
     """With the plan of any other landing the motors stop above the floor: 0.38 m/s."""
-    impact = list(benchmarks("touchdowns").in_simulation(seed, "broken off", tmp_path))
+    impact = list(touchdowns.in_simulation(seed, "broken off", tmp_path))
     assert 0.0 < max(impact) < 0.25

@@ -13,7 +13,7 @@ import pytest
 
 from star_core import Operator
 from star_fleet.link_faults import LinkFaults
-from tests.end_to_end.link_cuts import bad_link_flight, spoil_links
+from tests.campaign.link_cuts import bad_link_flight, spoil_links
 from tests.end_to_end.virtual_air import TAKEN_OFF, Air, Flown, flown
 
 pytest.importorskip("cflib")

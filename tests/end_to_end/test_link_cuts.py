@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.end_to_end.link_cuts import CELLS, Cell, cut_flight, excused
+from tests.campaign.link_cuts import CELLS, Cell, cut_flight, excused
 
 pytest.importorskip("cflib")
 

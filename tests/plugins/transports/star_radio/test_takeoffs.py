@@ -16,7 +16,7 @@ from star_radio import orders, profiles, trajectories
 from star_radio.transport import Radio
 from star_sim import pieces
 from star_sim.commander import ending_at_rest
-from tests.end_to_end.link_cuts import FOLLOW, PATH
+from tests.campaign.link_cuts import FOLLOW, PATH
 from tests.end_to_end.virtual_air import START_TRAJECTORY, TAKEOFF, Air, flown
 from tests.plugins.transports.star_radio.conftest import Open, Peers
 from tests.plugins.transports.star_radio.virtual import EPOCH

@@ -14,7 +14,7 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 LEAST = 0.9  # fraction of the mutants that the tests have to notice
 
 

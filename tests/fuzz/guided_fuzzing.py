@@ -1,7 +1,6 @@
-# ruff: noqa: SLF001 -- bounds of buffers
 """Fuzzing of readers that take bytes, guided by coverage.
 
-``python benchmarks/guided_fuzzing.py READER`` tries inputs until one breaks the reader. It needs
+``python -m tests.fuzz.guided_fuzzing READER`` tries inputs until one breaks the reader. It needs
 atheris (``pip install atheris``), which has wheels for few platforms, and so is no dependency.
 Further arguments are libFuzzer's, such as ``-max_total_time=60`` and a folder for the inputs that
 reached new code.

@@ -15,11 +15,11 @@ from typing import Any, Final
 from zlib import crc32
 
 import numpy as np
-from fault_cells import CROSSING, ROOM, RULED, Cell
 
 from star_core import Event, InputError, PluginError, Registry, Tick, hookimpl, read_run
 from star_core.commands.run import run_mission
 from star_core.plugin_support.discovery import Source
+from tests.campaign.fault_cells import CROSSING, ROOM, RULED, Cell
 
 CROSSING_TIME: Final = (3.3, 6.3)  # s, in which the drones cross: none takes off or lands
 ENDINGS: Final = {"safety", "failure", "plugin", "interrupt", "observer"}  # kinds of events
@@ -138,7 +138,7 @@ def flown(cell: Cell, seed: int, world: str) -> dict[str, Any]:
         (folder / "faults.yaml").write_text(json.dumps({"star": 1, "faults": faults}))
         at = min((fault.get("at", 0.0) for fault in faults), default=at)
         status = _run(folder, seed, registry, faulty=bool(faults))
-        if status == 2:  # noqa: PLR2004 -- bad input
+        if status == 2:
             return {"status": status, "broken": [] if status in cell.status else ["status"]}
         witness.watch_on()
         readable = True

@@ -18,7 +18,7 @@ import numpy as np
 from star_core import AgentPhase, Array, Registry, Tick, fly, hookimpl, load
 from star_core.plugin_support.discovery import Source
 
-MISSIONS = Path(__file__).parents[1] / "missions"
+MISSIONS = Path(__file__).parents[2] / "missions"
 PATHS = ("paper_box", "paper_circle", "paper_figure8")
 SEEDS = 4
 BEYOND = 11.83  # squared, of two degrees of freedom: what three deviations are of one

@@ -26,7 +26,7 @@ IDEAL = (
     "reserve.relieve_below=3.72",
     "safety.battery_low.below=3.3",
 )
-MISSION = Path(__file__).parents[1] / "missions" / "relief.yaml"
+MISSION = Path(__file__).parents[2] / "missions" / "relief.yaml"
 ROUNDS = 32  # searches, one after the other
 HALF_AN_HOUR = 1800.0  # s
 SEEDS = 20

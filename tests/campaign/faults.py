@@ -25,9 +25,10 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from fault_cells import CELLS
-from fault_flight import flown
 from scipy.stats import beta
+
+from tests.campaign.fault_cells import CELLS
+from tests.campaign.fault_flight import flown
 
 SEEDS: Final = 30  # flights of each cell
 MANY_SEEDS: Final = 300  # of the cells of some rows

@@ -1,10 +1,10 @@
 """What becomes of flights whose program fails, and what the guardian costs per tick.
 
-``python benchmarks/guardian.py [--runs 30] [--only sigkill,gil] [--cost]`` prints a table. Each run
-is ``star run`` over UDP against four simulated Crazyflies (`star fleet`) in real time; the fault
-comes at a random time between take-off and the last seconds of the mission, by the run's seed. A
-run passes if all drones are on the floor within 15 s, none locked, none faster than 1 m/s when it
-touches the floor, and no two of them closer than 0.2 m.
+``python -m tests.campaign.guardian [--runs 30] [--only sigkill,gil] [--cost]`` prints a table. Each
+run is ``star run`` over UDP against four simulated Crazyflies (`star fleet`) in real time; the
+fault comes at a random time between take-off and the last seconds of the mission, by the run's
+seed. A run passes if all drones are on the floor within 15 s, none locked, none faster than 1 m/s
+when it touches the floor, and no two of them closer than 0.2 m.
 
 The faults are those of the flight's process (``sigkill``, ``sigstop``, ``gil``: a C function that
 keeps the interpreter's lock and is not interrupted by signals, ``hang``: an endless loop, ``exit``:
