@@ -19,7 +19,7 @@ from types import FrameType
 from typing import Any, Final
 
 from star_core import Registry, fly, load
-from star_core.commands.check import check_file
+from star_core.commands import check_file
 from star_core.tick import ControlLoop, MissionStatus
 
 ROOT: Final = Path(__file__).parents[1]

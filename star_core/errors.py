@@ -7,9 +7,7 @@ lower case, has no full stop, shows values through ``!r``, and ends with its cod
 
 from __future__ import annotations
 
-TYPE_CHECKING = False  # what type checkers take for true; `typing` itself is slow to import
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Sequence
 
 MAX_LISTED = 10  # names of agents in a message
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any
 
 import pluggy
 
+from star_core import hookspecs
 from star_core.errors import PluginError, suggestion
 from star_core.plugin_support.discovery import Source, installed_plugins
 from star_core.plugin_support.guard import PluginGuard
@@ -117,7 +118,18 @@ class Registry:
         by_name: dict[str, list[Found]] = {}
         for one in sorted(found, key=lambda one: str(one.source)):
             by_name.setdefault(one.offer.name, []).append(one)
+        if kind == "command":
+            self._refuse_namesakes(by_name)
         return by_name
+
+    def _refuse_namesakes(self, commands: Mapping[str, list[Found]]) -> None:
+        """Fail the plugins with a command that is called like one of STAR's own."""
+        for name, found in commands.items():
+            if any(one.source.own for one in found):
+                text = f"command {name!r}: STAR has a command of that name itself"
+                for other in (one.source.plugin for one in found if not one.source.own):
+                    error = PluginError(text, "duplicate-plugin")
+                    self._failed.setdefault(other, error)
 
     def _checked(self, plugin: str, hook: str, result: Any) -> Any:
         """Return the records that a plugin offers; those that it was handed keep their origins."""
@@ -173,6 +185,12 @@ class Registry:
     def names(self, kind: str) -> tuple[str, ...]:
         """Return every name of a kind, in alphabetical order."""
         return tuple(sorted(self._found.get(kind, ())))
+
+    def observers(self) -> dict[str, object]:
+        """Return the plugins that check missions or observe flights, by name."""
+        hooks = [hook for hook in vars(hookspecs) if hook.startswith("star_")]
+        names = (self.manager.implementing(hook) for hook in hooks if not self._offers(hook))
+        return {name: self.manager.plugins[name] for name in sorted(set().union(*names))}
 
     def offers(self) -> dict[str, dict[str, Any]]:
         """Return the records by kind and name.

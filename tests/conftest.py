@@ -2,7 +2,7 @@
 
 import os
 import sys
-from collections.abc import Generator, Iterator
+from collections.abc import Callable, Generator, Iterator
 from functools import cache
 from importlib.metadata import EntryPoints, entry_points
 from pathlib import Path
@@ -13,7 +13,9 @@ import pytest
 from hypothesis import settings
 
 import star_sim
-from star_core.commands import land_requests, stop_flights
+from star_basics import land_requests, stop_flights
+from star_core import Registry
+from star_core.commands import Source
 from star_core.plugin_support import discovery
 from star_core.toolkit import progress
 
@@ -111,6 +113,18 @@ def hop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     Path("room.yaml").write_text(ROOM)
     Path("hop.yaml").write_text(HOP)
     return tmp_path
+
+
+@pytest.fixture
+def with_plugin(monkeypatch: pytest.MonkeyPatch) -> Callable[[object], None]:
+    """Have ``star`` find one plugin more than is installed."""
+
+    def add(plugin: object) -> None:
+        registry = Registry()
+        registry.add(plugin, Source("their-dist:theirs", "1.2"))
+        monkeypatch.setattr("star_core.registry.Registry", lambda: registry)
+
+    return add
 
 
 @pytest.hookimpl(optionalhook=True, wrapper=True)

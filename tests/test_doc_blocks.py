@@ -21,8 +21,8 @@ from jsonschema import Draft202012Validator
 from ruamel.yaml import YAML
 
 import star_mcap
+from star_core.commands import error_catalogue
 from star_core.commands.command_line import parser_of as parser_of_spec
-from star_core.commands.error_codes import catalogue
 from star_core.commands.main import main
 from star_core.registry import Registry
 
@@ -146,7 +146,7 @@ def test_every_yaml_block_is_checked(block: Block, capsys: pytest.CaptureFixture
 @pytest.mark.parametrize("block", blocks("text", "yaml"), ids=str)
 def test_no_block_has_a_code_that_does_not_exist(block: Block) -> None:
     named = re.findall(r" \[([a-z-]+)\]$", block.text, re.MULTILINE)
-    assert [code for code in named if code not in catalogue()] == []
+    assert [code for code in named if code not in error_catalogue()] == []
 
 
 @pytest.mark.parametrize("block", blocks("python"), ids=str)

@@ -11,9 +11,9 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
 
+from star_basics.describe_plugin import MAX_DEPTH, allowed, resolved
 from star_core import Registry
 from star_core.commands.command_line import parser_of
-from star_core.commands.describe_plugin import MAX_DEPTH, allowed, resolved
 from star_core.mission_file.error_messages import flow
 
 ROOT: Final = Path(__file__).parents[2]

@@ -1,35 +1,33 @@
-"""The command line: all commands are plugins, those of STAR in `star_core.commands.commands`.
-
-A command imports what it needs when it runs; ``star --help`` reads the list of commands from a
-cache and imports no plugin.
-"""
+"""The dispatcher of the command ``star``: all its subcommands are plugins."""
 
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
+from pathlib import PurePath
+from typing import TYPE_CHECKING, Final, TextIO
 
 from star_core.errors import StarError, printable, suggestion
 
-TYPE_CHECKING = False  # what type checkers take for true; `typing` itself is slow to import
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from typing import TextIO
-
     from star_core.registry import Registry
 
-FAILED = 1
-BAD_INPUT = 2
+FAILED: Final = 1
+BAD_INPUT: Final = 2
+GROUPS: Final = ("Fly", "Review", "Author", "Study", "Hardware", "Plugins")
 USAGE = "usage: star [-h] [--version] COMMAND ..."
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run ``star`` and return its exit status: 0 done, 1 failed in flight, 2 bad input.
 
-    Without arguments it is the process's program, and no thread delays the end of that.
+    Without arguments it is the process's program, and no thread delays the end of that. A program
+    ``star-NAME``, such as ``star-run``, runs the command NAME.
     """
     if arguments is None:
         _open_streams()
-        return _without_threads(main(sys.argv[1:]))
+        _, dash, command = PurePath(sys.argv[0]).name.partition("star-")
+        return _without_threads(main([command] * bool(dash) + sys.argv[1:]))
     try:
         try:
             return _main(list(arguments))
@@ -46,20 +44,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return FAILED
 
 
-def run(arguments: Sequence[str] | None = None) -> int:
-    """Run ``star-run``, which is ``star run``."""
-    if arguments is None:
-        _open_streams()
-        return _without_threads(run(sys.argv[1:]))
-    return main(["run", *arguments])
-
-
 def _main(arguments: list[str]) -> int:
     match arguments:
         case ["-h" | "--help", *_]:
-            from star_core.commands.overview import overview
-
-            print(f"{USAGE}\n\n{overview(_loaded)}")
+            print(f"{USAGE}\n\n{overview(_loaded())}")
         case ["--version", *_]:
             from star_core import __version__
 
@@ -72,6 +60,18 @@ def _main(arguments: list[str]) -> int:
             hint = suggestion(option, ("--help", "--version"), "there are")
             raise StarError(f"{USAGE}\nunknown option {option!r}{hint}", "unknown-option")
     return 0
+
+
+def overview(registry: Registry) -> str:
+    """Return all commands by group; commands of one name are all listed."""
+    groups: dict[str, list[str]] = {group: [] for group in GROUPS}
+    for kind, found in registry:
+        if kind == "command":
+            line = f"  {found.offer.name:<12}{found.offer.summary}"
+            groups.setdefault(found.offer.group, []).append(line)
+    lists = ["\n".join([group, *lines]) for group, lines in groups.items() if lines]
+    head = "Missions for drone swarms, from one YAML file."
+    return "\n\n".join([head, *lists, "`star COMMAND --help` describes a command."])
 
 
 def _command(name: str, arguments: list[str]) -> int:

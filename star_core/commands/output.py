@@ -3,25 +3,21 @@
 from __future__ import annotations
 
 import io
-import os
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager, redirect_stdout, suppress
+from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from star_core.commands.command_line import run_command
 from star_core.errors import InputError, StarError
-from star_core.hookspecs import hookimpl
 
 if TYPE_CHECKING:
     import argparse
 
-    from star_core.messages.events import Flight
     from star_core.registry import Registry
 
 RUNS = Path("runs")
-LATEST = "latest"
 
 
 def new_folder(name: str) -> Path:
@@ -86,23 +82,6 @@ def replace_file(path: Path, text: str) -> None:
     with new.open("x", encoding="utf-8") as file:
         file.write(text)
     new.replace(path)
-
-
-class LatestRun:
-    """An observer that links ``runs/latest`` to the folder of the flight, where links work."""
-
-    @hookimpl
-    def star_mission_started(self, flight: Flight) -> None:
-        if flight.folder is None:
-            return
-        new = flight.folder.with_name(f".{LATEST}-{os.getpid()}")
-        with suppress(OSError):
-            new.parent.mkdir(parents=True, exist_ok=True)
-            new.symlink_to(flight.folder.name)
-            try:
-                new.replace(flight.folder.with_name(LATEST))  # atomic
-            except OSError:  # there is a folder of that name
-                new.unlink()
 
 
 def write_report(folder: Path, registry: Registry) -> str:

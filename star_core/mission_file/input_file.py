@@ -70,7 +70,7 @@ def read(path: Path) -> Document:
 
 
 @cache
-def shipped() -> dict[str, Path]:
+def shipped_files() -> dict[str, Path]:
     """Return the files by name: ``first_flight``, ``studies/avoiders``, ``worlds/lab_4x4``."""
     packaged = Path(__file__).parents[1] / "missions"
     folder = packaged if packaged.is_dir() else Path(__file__).parents[2] / "missions"
@@ -86,7 +86,7 @@ def named(path: Path) -> Path:
     """
     if path.exists() or path.is_absolute():
         return path
-    files = shipped()
+    files = shipped_files()
     if path.as_posix() in files:
         return files[path.as_posix()]
     if path.suffix and path.stem not in files:  # reading it states the reason
@@ -98,7 +98,7 @@ def named(path: Path) -> Path:
     raise InputError(f"{path}: no file and no mission of that name{hint}", "unknown-mission")
 
 
-def description(file: Path) -> str:
+def file_description(file: Path) -> str:
     """Return the first sentence of the comment at the top of a file."""
     lines = file.read_text(encoding="utf-8").splitlines()
     comments = [line[1:].strip() for line in takewhile(lambda line: line.startswith("#"), lines)]

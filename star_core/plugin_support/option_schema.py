@@ -28,22 +28,8 @@ JOIN, LEAVE = "join", "leave"
 RESERVED: Final = {"task": SHARED}
 """Names that options of a kind must not have; of the other kinds it is ``use``."""
 
-OWN: Final = {
-    "task": ("parallel", "repeat", "each", "include"),
-    "command": ("run", "check", "errors", "missions", "plugins", "schema"),
-    "run_option": (
-        "help",
-        "set",
-        "seed",
-        "speed",
-        "out",
-        "no-record",
-        "save-frames",
-        "json",
-        "verbose",
-    ),
-}
-"""Names that STAR uses itself."""
+STEP_KEYS: Final = ("parallel", "repeat", "each", "include")
+"""Keys of steps that are no verbs."""
 
 
 def sound(kind: str, offer: AnySpec, *, trusted: bool = False) -> AnySpec:
@@ -63,7 +49,7 @@ def sound(kind: str, offer: AnySpec, *, trusted: bool = False) -> AnySpec:
             f"{kind} {offer.name!r}: a name is lower-case letters, digits, '_' and '-'",
             "contract-broken",
         )
-    if offer.name in OWN.get(kind, ()) and not (trusted and kind == "command"):
+    if kind == "task" and offer.name in STEP_KEYS:
         text = f"{kind} {offer.name!r}: STAR has a {kind} of that name itself"
         raise PluginError(text, "duplicate-plugin")
     if not isinstance(offer, MissionSpec):

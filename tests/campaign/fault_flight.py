@@ -16,8 +16,8 @@ from zlib import crc32
 
 import numpy as np
 
+from star_basics.flight import run_mission
 from star_core import Event, InputError, PluginError, Registry, Tick, hookimpl, read_run
-from star_core.commands.run import run_mission
 from star_core.plugin_support.discovery import Source
 from tests.campaign.fault_cells import CROSSING, ROOM, RULED, Cell
 

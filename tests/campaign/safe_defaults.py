@@ -22,8 +22,7 @@ from typing import Any, Final, TypeAlias
 from scipy.stats import beta
 
 from star_core import Registry
-from star_core.commands import run_command
-from star_core.commands.check import check_file
+from star_core.commands import check_file, run_command
 
 SAFE: Final = 0.2  # m
 AGENTS: Final = (5, 10)

@@ -296,18 +296,6 @@ class Lab:
         return self.frames or star.Transform(np.zeros(len(starts)), starts)
 
 
-@pytest.fixture
-def with_plugin(monkeypatch: pytest.MonkeyPatch) -> Callable[[object], None]:
-    """Have ``star`` find one plugin more than is installed."""
-
-    def add(plugin: object) -> None:
-        registry = Registry()
-        registry.add(plugin, Source("their-dist:theirs", "1.2"))
-        monkeypatch.setattr("star_core.registry.Registry", lambda: registry)
-
-    return add
-
-
 def a_pipe(monkeypatch: pytest.MonkeyPatch) -> io.StringIO:
     """Return what is written to stderr, a pipe, from now on."""
     text = io.StringIO()

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from star_core import AgentPhase
-from star_core.commands.main import run
+from star_core.commands.main import main
 
 pytestmark = pytest.mark.shipped_world
 
@@ -19,7 +19,7 @@ MISSION = Path(__file__).parents[2] / "missions" / "first_flight.yaml"
 
 def flown(out: Path, *arguments: str) -> dict[str, Any]:
     """Fly the mission, record it in `out`, and return its summary."""
-    assert run([str(MISSION), "--json", "--out", str(out), *arguments]) == 0
+    assert main(["run", str(MISSION), "--json", "--out", str(out), *arguments]) == 0
     summary: dict[str, Any] = json.loads((out / "summary.json").read_text())
     return summary
 

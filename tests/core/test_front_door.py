@@ -62,7 +62,7 @@ def test_a_table_brings_numpy() -> None:
 
 @pytest.mark.usefixtures("hop")
 def test_a_simulated_flight_imports_no_vision_no_radio_and_no_signal_processing() -> None:
-    flight = "from star_core.commands.main import run\nrun(['hop.yaml', '--no-record'])"
+    flight = "from star_core.commands.main import main\nmain(['run', 'hop.yaml', '--no-record'])"
     names = imported_after(flight)
     assert "numpy" in names
     assert not names & {*DECKS, *SLOW}

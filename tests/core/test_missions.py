@@ -9,7 +9,7 @@ import pytest
 
 import star_sim
 from star_core import Registry, fly, load
-from star_core.commands.main import main, run
+from star_core.commands.main import main
 from star_core.toolkit import fill_defaults
 
 pytestmark = pytest.mark.shipped_world
@@ -48,7 +48,17 @@ def flown(
     mission: Path, out: Path, *arguments: str, settings: Sequence[str] = ()
 ) -> dict[str, Any]:
     """Fly a mission, record it in `out`, and return its summary."""
-    run([str(mission), "--json", "--out", str(out), *arguments, *(f"--set={s}" for s in settings)])
+    main(
+        [
+            "run",
+            str(mission),
+            "--json",
+            "--out",
+            str(out),
+            *arguments,
+            *(f"--set={s}" for s in settings),
+        ]
+    )
     summary: dict[str, Any] = json.loads((out / "summary.json").read_text())
     assert (summary["outcome"], summary["reason"]) == ("completed", "")
     return summary

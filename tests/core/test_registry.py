@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from star_core import AvoiderSpec, PlannerSpec, PluginError, TaskSpec, Tick, hookimpl
-from star_core.plugin_support.discovery import Source
+from star_core.commands import CommandSpec, Source
 from star_core.registry import Registry
 from star_core.toolkit import KindSpec, Spec
 
@@ -179,6 +179,19 @@ def test_two_plugins_of_one_name_are_refused_when_it_is_used(registry: Registry)
     with pytest.raises(PluginError, match=rf"^two plugins offer .*planner .*'stay': {sources} "):
         registry.find("planner", "stay")
     assert registry.find("planner", "mine").offer.name == "mine"
+
+
+@pytest.mark.parametrize("name", ["run", "view"])
+def test_a_command_named_like_one_of_star_leaves_its_plugin_out(name: str) -> None:
+    class Theirs:
+        @hookimpl
+        def star_commands(self) -> Iterable[CommandSpec]:
+            yield CommandSpec(name=name, summary="", configure=print, run=lambda *_: 0)
+
+    registry = Registry()
+    with pytest.raises(PluginError, match=rf"^command '{name}': STAR has a command of that name"):
+        registry.add(Theirs(), Source("their-dist:theirs"))
+    assert registry.find("command", name).source.own
 
 
 def test_one_name_may_stand_for_several_kinds(registry: Registry) -> None:

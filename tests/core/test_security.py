@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from star_basics.land_requests import listening
 from star_core import InputError, Operator, Registry, load, read_run
-from star_core.commands.land_requests import listening
 from star_core.commands.main import main
 from star_core.mission_file.yaml_reader import parse
 from star_core.scene import inside

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Final
 
 from star_core import InputError, Registry, fly, load
-from star_core.commands.check import check_file
+from star_core.commands import check_file
 from star_core.plugin_support.discovery import Source
 from tests.fuzz.files import registry
 from tests.fuzz.ground_truth import Witness, judged

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from star_core import AgentPhase, Command, Limits, Obstacle, Supervisor
-from star_core.commands.main import run
+from star_core.commands.main import main
 from star_core.execution.assignments import GoalBuffer
 from star_core.execution.landing import LandingManager
 from star_core.messages.state import among
@@ -44,7 +44,7 @@ def flown(
     (folder / "room.yaml").write_text(room)
     (folder / "down.yaml").write_text(head % avoider + mission)
     out = folder / "out"
-    run([str(folder / "down.yaml"), "--json", "--out", str(out)])
+    main(["run", str(folder / "down.yaml"), "--json", "--out", str(out)])
     summary: dict[str, Any] = json.loads((out / "summary.json").read_text())
     return summary
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from star_basics.summary_text import format_summary
 from star_core import (
     AvoiderSpec,
     Event,
@@ -19,7 +20,6 @@ from star_core import (
     hookimpl,
     load,
 )
-from star_core.commands.run import format_summary
 from star_core.plugin_support.timing import REPORT_INTERVAL, TickTiming
 from star_sim import ideal_world
 from star_sim.airframe import STEP

@@ -10,7 +10,7 @@ import pytest
 
 from star_core import Registry, load
 from star_core.commands.main import main
-from star_core.mission_file.input_file import read, shipped
+from star_core.mission_file.input_file import read, shipped_files
 
 
 @pytest.fixture(autouse=True)
@@ -61,5 +61,5 @@ def test_all_are_listed_with_a_description(capsys: pytest.CaptureFixture[str]) -
     assert main(["missions"]) == 0
     lines = capsys.readouterr().out.splitlines()
     listed = [found[1] for line in lines if (found := re.match(r"  (\S+)  +[A-Z0-9]", line))]
-    assert listed == list(shipped())
+    assert listed == list(shipped_files())
     assert "  first_flight   Three drones take off, swap places across the room" in "\n".join(lines)

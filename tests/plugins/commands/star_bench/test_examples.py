@@ -13,7 +13,7 @@ import pytest
 
 from star_bench.files import mission_lines, text, world_lines
 from star_bench.scenarios import CATALOGUE, Case
-from star_core.commands.main import main, run
+from star_core.commands.main import main
 
 AGENTS = 6
 
@@ -39,7 +39,7 @@ def test_every_example_checks_and_flies_without_collision(
     mission = str(missions / "scenarios" / f"{name}-{AGENTS}-0.yaml")
     assert main(["check", mission]) == 0
     capsys.readouterr()
-    assert run([mission, "--json", "--no-record"]) == 0
+    assert main(["run", mission, "--json", "--no-record"]) == 0
     summary = json.loads(capsys.readouterr().out)
     assert summary["outcome"] == "completed"
     assert summary["collisions"] == {"agent_agent": 0, "agent_obstacle": 0}

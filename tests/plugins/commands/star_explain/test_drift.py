@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from star_core import Registry
-from star_core.commands.check import check_file
+from star_core.commands import check_file
 from star_core.testing import scene
 from star_explain.tracks import Tracks
 

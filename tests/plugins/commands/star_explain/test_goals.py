@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from star_core import Registry
-from star_core.commands.check import check_file
+from star_core.commands import check_file
 from star_core.errors import code_of
 
 WORLD = "star: 1\nname: hall\nfence: {low: [-2, -2, 0], high: [2, 2, 2.2]}\n"

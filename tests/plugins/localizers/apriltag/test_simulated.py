@@ -11,7 +11,7 @@ import numpy as np
 
 import star_sim
 from star_core import Agent, Array, Camera, Command, Fence, Order, Scene, Setpoint, World
-from star_core.commands.main import run
+from star_core.commands.main import main
 from star_core.toolkit import fill_defaults
 from tests.plugins.localizers.apriltag.conftest import TICK, sheets
 from tests.plugins.localizers.apriltag.conftest import localizer as apriltag
@@ -132,7 +132,7 @@ def test_tags_in_rendered_images_serve_as_well() -> None:
 
 
 def flown(mission: Path, out: Path, *arguments: str) -> dict[str, Any]:
-    assert run([str(mission), "--json", "--out", str(out), *arguments]) == 0
+    assert main(["run", str(mission), "--json", "--out", str(out), *arguments]) == 0
     summary: dict[str, Any] = json.loads((out / "summary.json").read_text())
     return summary
 

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from star_core import Estimate, Registry, Scene, fly, load
-from star_core.commands.main import run
+from star_core.commands.main import main
 from star_external.planner import Answer, Done, Goal
 from tests.plugins.tasks.star_external.conftest import Offering
 from tests.waiting import free_port
@@ -95,7 +95,7 @@ def flown(folder: Path, seed: int) -> dict[str, Any]:
     (folder / "led.yaml").write_text(FLIGHT.replace("PORT", str(port)))
     leader = threading.Thread(target=lead, args=(port, seed))
     leader.start()
-    assert run([str(folder / "led.yaml"), "--json", "--out", str(folder / "out")]) == 0
+    assert main(["run", str(folder / "led.yaml"), "--json", "--out", str(folder / "out")]) == 0
     leader.join(SOON)
     summary: dict[str, Any] = json.loads((folder / "out" / "summary.json").read_text())
     return summary
@@ -123,7 +123,7 @@ def test_the_example_leads_two_drones_round_a_circle(missions: Path, tmp_path: P
     script = [sys.executable, str(missions.parent / "examples" / "external_goals.py"), port]
     with subprocess.Popen(script, stderr=subprocess.PIPE, text=True) as example:
         arguments = ["--set", f"mission.1.external.port={port}", "--json", "--out", str(tmp_path)]
-        assert run([str(missions / "external.yaml"), *arguments]) == 0
+        assert main(["run", str(missions / "external.yaml"), *arguments]) == 0
         assert example.communicate(timeout=SOON)[1] == ""
     assert example.returncode == 0
     summary = json.loads((tmp_path / "summary.json").read_text())
@@ -135,7 +135,7 @@ def test_the_example_leads_two_drones_round_a_circle(missions: Path, tmp_path: P
 def test_without_another_process_the_example_lands(missions: Path, tmp_path: Path) -> None:
     settings = {"port": free_port(), "response_timeout": 0.05}
     arguments = [f"--set=mission.1.external.{key}={value}" for key, value in settings.items()]
-    assert run([str(missions / "external.yaml"), *arguments, "--out", str(tmp_path)]) == 0
+    assert main(["run", str(missions / "external.yaml"), *arguments, "--out", str(tmp_path)]) == 0
     assert "no client connected to 127.0.0.1:" in (tmp_path / "summary.json").read_text()
 
 
@@ -145,7 +145,7 @@ def test_a_port_in_use_is_reported_before_takeoff(
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
         arguments = [f"--set=mission.1.external.port={port}", "--no-record"]
-        assert run([str(missions / "external.yaml"), *arguments]) == 2
+        assert main(["run", str(missions / "external.yaml"), *arguments]) == 2
     assert f"cannot listen on 127.0.0.1:{port}: " in capsys.readouterr().err
 
 

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
+from star_basics import land_requests
+from star_basics.land_requests import MAX_MESSAGE, listening
 from star_core import Operator
-from star_core.commands import land_requests
-from star_core.commands.land_requests import MAX_MESSAGE, listening
 from star_core.commands.main import main
-from tests.core.commands.test_land_requests import runtime
+from tests.plugins.commands.star_basics.test_land_requests import runtime
 
 __all__ = ["runtime"]
 HOSTILE = (b"", b"\xff\xfe", b"LAND", b"land\n", b"landx", b"x" * 10 * MAX_MESSAGE, None)

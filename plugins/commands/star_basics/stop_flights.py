@@ -6,13 +6,15 @@ import os
 import re
 import socket
 import stat
+import sys
+from argparse import ArgumentParser, Namespace
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from star_core.commands.land_requests import (
+from star_basics.land_requests import (
     ANSWER_TIMEOUT,
     FOLDER,
     LAND,
@@ -21,7 +23,7 @@ from star_core.commands.land_requests import (
     check_private,
     shared_folder,
 )
-from star_core.errors import InputError
+from star_core import InputError, Registry
 
 SOCKETS: Final = Path("/proc/net/unix")  # of the whole machine, on Linux; the last column is a path
 SESSIONS: Final = Path("/run/user")  # holds a runtime folder for each user
@@ -40,6 +42,29 @@ class Answer(NamedTuple):
     process: str
     mission: str
     fault: str = ""
+
+
+def configure(line: ArgumentParser) -> None:
+    """Add the options of the command."""
+    line.description = (
+        "Land all agents of every running flight of this user on this computer, simulated flights "
+        "too. The motors are not stopped."
+    )
+    line.add_argument(
+        "name", nargs="?", help="mission, or number of a process: land only its agents"
+    )
+    line.add_argument("--list", action="store_true", help="list the flights; none lands")
+
+
+def run(options: Namespace, _registry: Registry) -> int:
+    """Land the agents, print what lands and return the exit status.
+
+    Raises:
+        InputError: As `stop_flights`.
+    """
+    status, lines = stop_flights(options.name, list_only=options.list)
+    print(*lines, sep="\n", file=sys.stderr if status else sys.stdout)
+    return status
 
 
 def stop_flights(name: str | None = None, *, list_only: bool = False) -> tuple[int, list[str]]:

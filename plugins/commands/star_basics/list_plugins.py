@@ -1,22 +1,49 @@
-"""Lists the installed plugins."""
+"""``star plugins``: lists the installed plugins, or describes one."""
 
 from __future__ import annotations
 
 import json
+from argparse import ArgumentParser, Namespace
 from collections.abc import Iterator, Mapping
 from itertools import groupby
 from types import ModuleType
-from typing import Any, TypeAlias
+from typing import Any, Final, TypeAlias
 
-from star_core import hookspecs
-from star_core.commands.columns import columns
-from star_core.errors import PluginError, suggestion
-from star_core.plugin_support.discovery import Source
-from star_core.plugin_support.specs import NO_OPTIONS, MissionSpec, Spec
-from star_core.registry import Found, Registry
+from star_basics.columns import columns
+from star_core import PluginError, Registry
+from star_core.commands import Found, Source
+from star_core.toolkit import Spec, suggestion
+
+NO_OPTIONS: Final = {"type": "object", "properties": {}}  # of commands, for example
 
 Plugins: TypeAlias = list[tuple[str, Found]]
 """Kinds and records."""
+
+
+def configure(line: ArgumentParser) -> None:
+    """Add the options of the command."""
+    line.add_argument(
+        "name", nargs="?", help="plugin, distribution or kind to describe; all if not given"
+    )
+    line.add_argument("--json", action="store_true", help="as JSON, with option schemas")
+
+
+def run(options: Namespace, registry: Registry) -> int:
+    """Print the list or the descriptions and return the exit status, 0.
+
+    Raises:
+        PluginError: There is no plugin of that name.
+    """
+    plugins = chosen(registry, options.name)
+    if options.json:
+        print(as_json(plugins, registry.broken))
+    elif options.name is None:
+        print(as_text(plugins, registry.broken))
+    else:
+        from star_basics.describe_plugin import describe
+
+        print("\n\n".join(describe(kind, found) for kind, found in plugins))
+    return 0
 
 
 def chosen(registry: Registry, name: str | None = None) -> Plugins:
@@ -64,7 +91,7 @@ def as_json(plugins: Plugins, broken: Mapping[Source, str]) -> str:
             "summary": found.offer.summary,
             "plugin": found.source.plugin,
             "version": found.source.version,
-            "options": dict(options(found)),
+            "options": dict(options_of(found)),
         }
         for kind, found in plugins
     ]
@@ -72,9 +99,10 @@ def as_json(plugins: Plugins, broken: Mapping[Source, str]) -> str:
     return json.dumps({"plugins": records, "broken": reasons}, indent=2)
 
 
-def options(found: Found) -> Mapping[str, Any]:
+def options_of(found: Found) -> Mapping[str, Any]:
     """Return the JSON Schema of a plugin's options."""
-    return found.offer.options if isinstance(found.offer, MissionSpec) else NO_OPTIONS
+    schema: Mapping[str, Any] = getattr(found.offer, "options", NO_OPTIONS)
+    return schema
 
 
 def _row(found: Found) -> tuple[str, str]:
@@ -84,10 +112,7 @@ def _row(found: Found) -> tuple[str, str]:
 
 def _observers(registry: Registry) -> Iterator[tuple[str, Found]]:
     """Yield the plugins that observe flights; the summary is the first line of the docstring."""
-    offering = {f"star_{kind}s" for kind in ("kind", *registry.kinds)}
-    hooks = [hook for hook in vars(hookspecs) if hook.startswith("star_") and hook not in offering]
-    for name in sorted(set().union(*map(registry.manager.implementing, hooks))):
-        plugin = registry.manager.plugins[name]
+    for name, plugin in registry.observers().items():
         text = (plugin if isinstance(plugin, ModuleType) else type(plugin)).__doc__ or ""
         first = text.strip().partition("\n")[0].replace("``", "")
         title, _, rest = first.partition(": ")

@@ -1,4 +1,4 @@
-"""``star run``: flies a mission, shows its progress and prints its summary."""
+"""Flies a mission for ``star run``: progress, signals, the folder of the record."""
 
 from __future__ import annotations
 
@@ -14,21 +14,14 @@ from functools import partial
 from itertools import count
 from pathlib import Path
 from types import FrameType, MappingProxyType
-from typing import Any
 
-from star_core.commands.command_line import guarded
-from star_core.commands.land_requests import listening
-from star_core.commands.live_view import FlightProgress
-from star_core.commands.main import FAILED
-from star_core.commands.output import LatestRun, new_folder
-from star_core.errors import InputError
-from star_core.mission import Mission
-from star_core.mission_file.mission_loader import load
-from star_core.operator import Operator
-from star_core.plugin_support.discovery import Source
-from star_core.registry import Registry
-from star_core.runner import fly, outcome_of
-from star_core.toolkit.progress import Progress, log
+from star_basics.land_requests import listening
+from star_basics.latest_run import LatestRun
+from star_basics.live_view import FlightProgress
+from star_basics.summary_text import format_summary
+from star_core import InputError, Mission, Operator, Registry, fly, load
+from star_core.commands import Source, guarded, new_folder
+from star_core.toolkit import Progress, log
 
 log_messages = logging.getLogger(__name__)
 
@@ -88,7 +81,7 @@ def run_mission(  # noqa: PLR0913 -- options of the command
     operator = operator or Operator()
     with _signals(operator), listening(operator, mission.name):
         summary = fly(mission, registry, folder=folder, save_frames=save_frames, operator=operator)
-    status = FAILED if operator.lost else outcome_of(summary)
+    status = int(bool(operator.lost) or summary["outcome"] != "completed")
     lost = [f"not recorded: {text}" for text in operator.lost]
     if not as_json:
         return status, "\n".join([format_summary(summary, folder), *lost])
@@ -105,76 +98,6 @@ def _expected_duration(mission: Mission, registry: Registry) -> float | None:
     except Exception:
         log_messages.debug("the duration of the mission cannot be estimated", exc_info=True)
         return None
-
-
-def format_summary(summary: Mapping[str, Any], folder: Path | None) -> str:
-    """Return a summary as text."""
-    collisions = summary["collisions"]
-    factor, apart = summary["realtime_factor"], summary["min_separation_m"]
-    rmse, clear = summary["position_rmse_m"], summary["min_clearance_m"]
-    flown = summary["path_length_m"]["total"]
-    by = "" if summary["distances_from"] == "ground_truth" else " (estimated positions)"
-    rows = [
-        (
-            "flight",
-            f"{summary['flight_time_s']:.1f} s with {_many(summary['agents'])}"
-            + (f", {factor:.{0 if factor >= 1 else 1}f} times real time" if factor else ""),
-        ),
-        ("slowest plugin", _slowest(summary)),
-        *(("slow ticks", text) for text in _slow(summary["slow_ticks"])),
-        (
-            "collisions",
-            f"{collisions['agent_agent']} between agents, "
-            f"{collisions['agent_obstacle']} with obstacles{by}",
-        ),
-        ("closest approach", f"{apart:.2f} m{by}" if apart is not None else ""),
-        ("corrected", _corrected(summary["corrected"])),
-        ("late ticks", _late(summary["late_ticks"], summary["latest_tick_s"])),
-        ("clearance", f"{clear:.2f} m at least{by}" if clear is not None else ""),
-        ("position error", f"{rmse:.3f} m RMS" if rmse is not None else ""),
-        ("targets", _targets(summary["targets"])),
-        ("flown", f"{flown:.1f} m in all" if flown is not None else ""),
-        ("record", str(folder) if folder and (folder / "summary.json").exists() else ""),
-    ]
-    head = f"{summary['mission']}: {summary['outcome']}"
-    head += f": {summary['reason']}" if summary["reason"] else ""
-    return "\n".join([head, *(f"  {label:<18}{text}" for label, text in rows if text)])
-
-
-def _slowest(summary: Mapping[str, Any]) -> str:
-    """Return the plugin that took most of a flight slower than real time, if there is one."""
-    factor, wall_time = summary["realtime_factor"], summary["wall_time_s"]
-    if factor is None or factor >= 1 or not summary["compute_s"]:
-        return ""
-    spent, plugin = max((spent, plugin) for plugin, spent in summary["compute_s"].items())
-    return f"{plugin}, {spent:.1f} of {wall_time:.1f} s" if spent > wall_time / 2 else ""
-
-
-def _slow(slow_ticks: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
-    """Yield every plugin that took too long for ticks of a simulation."""
-    for plugin, slow in slow_ticks.items():
-        yield f"{slow['ticks']} of {plugin}, the slowest took {slow['longest_s']:.1f} s"
-
-
-def _corrected(corrected: Mapping[str, int]) -> str:
-    """Return the numbers of corrected setpoints by reason, if there are any."""
-    counts = [f"{count} for {why}" for why, count in corrected.items() if count]
-    return f"setpoints: {', '.join(counts)}" if counts else ""
-
-
-def _late(ticks: int, worst: float) -> str:
-    """Return the number of late ticks, and the greatest lateness, s, if there are any."""
-    return f"{ticks}, by {worst:.2f} s at most" if ticks else ""
-
-
-def _targets(targets: Mapping[str, Any]) -> str:
-    """Return the number of targets found, if there are any."""
-    total = targets["total"]
-    return f"{targets['found']} of {total} found" if total else ""
-
-
-def _many(agents: Sequence[str]) -> str:
-    return "1 agent" if len(agents) == 1 else f"{len(agents)} agents"
 
 
 def _folder(out: str | None, name: str) -> Path:

@@ -6,10 +6,8 @@ import time
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, Final
 
-from star_core.hookspecs import hookimpl
-from star_core.messages.events import Event, Flight, Tick
-from star_core.messages.state import AgentPhase
-from star_core.toolkit.progress import Progress, log
+from star_core import AgentPhase, Event, Flight, Tick, hookimpl
+from star_core.toolkit import Progress, log
 
 if TYPE_CHECKING:
     from rich.console import RenderableType

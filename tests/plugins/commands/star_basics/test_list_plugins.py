@@ -15,10 +15,10 @@ from typing import Any, TypeAlias, cast
 
 import pytest
 
+from star_basics.describe_plugin import describe
+from star_basics.list_plugins import as_json, as_text, chosen
 from star_core import AvoiderSpec, InputError, TaskSpec, hookimpl
 from star_core.commands import CommandSpec
-from star_core.commands.describe_plugin import describe
-from star_core.commands.list_plugins import as_json, as_text, chosen
 from star_core.commands.main import main
 from star_core.mission_file.editor_schema import for_editors
 from star_core.mission_file.schema import compose, compose_steps, load
@@ -328,7 +328,7 @@ def test_a_plugin_that_is_left_out_is_named_on_standard_error_too(
         def __lt__(self, other: object) -> bool:
             return True
 
-    own = entry_points(group="star.plugins", name="commands")
+    own = entry_points(group="star.plugins", name="basics")
     found = "star_core.plugin_support.discovery.entry_points"
     monkeypatch.setattr(found, lambda **_: [*own, Broken()])
     assert main(["plugins"]) == 0

@@ -20,7 +20,7 @@ from star_core import (
     hookimpl,
     load,
 )
-from star_core.commands.check import check_file
+from star_core.commands import check_file
 from star_core.errors import InputError, PluginError
 
 MISSION = """\

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from star_basics.latest_run import LatestRun
 from star_core.commands.main import main
-from star_core.commands.output import LatestRun
 from star_core.messages.events import Flight
 from star_core.testing import scene
 

@@ -16,16 +16,16 @@ from tempfile import TemporaryDirectory
 
 import pytest
 
+from star_basics import land_requests, stop_flights
+from star_basics.land_requests import listening
 from star_core import Operator
-from star_core.commands import land_requests, stop_flights
-from star_core.commands.land_requests import listening
 from star_core.commands.main import main
 
 KEYS = """
 import os, sys, time
 os.dup2(os.open(sys.argv[1], os.O_RDWR), 0)  # the terminal of this session
 from star_core import Operator
-from star_core.commands.land_requests import listening
+from star_basics.land_requests import listening
 operator = Operator()
 with listening(operator, "demo"):
     print("ready", flush=True)

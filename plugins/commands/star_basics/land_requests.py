@@ -20,9 +20,8 @@ from pathlib import Path
 from tempfile import gettempdir
 from typing import Final, TypeAlias
 
-from star_core.errors import InputError
-from star_core.operator import Operator
-from star_core.toolkit.progress import log
+from star_core import InputError, Operator
+from star_core.toolkit import log
 
 log_messages = logging.getLogger(__name__)
 

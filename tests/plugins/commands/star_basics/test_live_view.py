@@ -16,6 +16,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from star_basics.live_view import FlightProgress
+from star_basics.summary_text import format_summary
 from star_core import (
     AgentPhase,
     Corrected,
@@ -29,9 +31,7 @@ from star_core import (
     Tick,
     hookimpl,
 )
-from star_core.commands.live_view import FlightProgress
 from star_core.commands.main import main
-from star_core.commands.run import format_summary
 from star_core.mission_file.mission_loader import load
 from star_core.plugin_support.discovery import Source
 from star_core.registry import Registry
@@ -140,7 +140,7 @@ def test_a_short_flight_writes_nothing_but_its_events(monkeypatch: pytest.Monkey
 
 def test_a_long_flight_writes_how_far_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
     paper = a_pipe(monkeypatch)
-    monkeypatch.setattr("star_core.commands.live_view.ESTIMATE_AFTER", 0.0)
+    monkeypatch.setattr("star_basics.live_view.ESTIMATE_AFTER", 0.0)
     progress = FlightProgress(lambda: 20.0)
     progress.star_mission_started(flight(1))
     progress.star_ticked(tick(1, time=12.4))

@@ -6,12 +6,10 @@ import textwrap
 from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
-from star_core.commands.columns import text_width
-from star_core.commands.list_plugins import options
-from star_core.mission_file.error_messages import flow
-from star_core.plugin_support.option_schema import PARTS, SHARED
-from star_core.plugin_support.specs import TaskSpec
-from star_core.registry import Found
+from star_basics.columns import text_width
+from star_basics.list_plugins import options_of
+from star_core import TaskSpec
+from star_core.commands import PARTS, SHARED, Found, flow
 
 MAX_DEPTH: Final = 4  # levels of maps inside options that are described
 AGENTS: Final = {"ground": "on the ground", "air": "in the air"}
@@ -19,7 +17,7 @@ AGENTS: Final = {"ground": "on the ground", "air": "in the air"}
 
 def describe(kind: str, found: Found) -> str:
     """Return the description of one plugin."""
-    offer, schema = found.offer, options(found)
+    offer, schema = found.offer, options_of(found)
     lines = [
         f"{offer.name}: {kind.replace('_', ' ')} of {found.source}",
         *_wrapped(offer.summary, 2),
@@ -35,7 +33,7 @@ def describe(kind: str, found: Found) -> str:
 
 
 def _usage(kind: str, found: Found) -> str:
-    name, schema = found.offer.name, options(found)
+    name, schema = found.offer.name, options_of(found)
     if kind == "command":
         return f"`star {name} --help` describes its options."
     if kind == "run_option":
