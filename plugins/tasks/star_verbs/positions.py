@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 from star_core import Problem, StepGoal
+from star_core.toolkit import number, positive
 
 if TYPE_CHECKING:
     from star_core import Scene
@@ -157,20 +158,18 @@ def point(description: str, example: Sequence[float]) -> Mapping[str, Any]:
     }
 
 
-def positive(description: str, **more: Any) -> Mapping[str, Any]:
-    """Return the schema of a positive number."""
-    limits = {"exclusiveMinimum": 0, "maximum": MAX_VALUE}
-    return {"type": "number", **limits, "description": description, **more}
+def bounded(description: str, **rules: Any) -> Mapping[str, Any]:
+    """Return the schema of a number greater than 0 and at most `MAX_VALUE`."""
+    return positive(description, maximum=MAX_VALUE, **rules)
 
 
 def duration(description: str) -> Mapping[str, Any]:
     """Return the schema of a duration, s, that is 0 by default."""
-    limits = {"minimum": 0, "default": 0.0}
-    return {"type": "number", **limits, "description": description, "examples": [5]}
+    return number(description, minimum=0, default=0.0, examples=[5])
 
 
-SPACING: Final = positive("Least distance between agents sent to one point, m.", default=0.6)
-TRAVEL_SPEED: Final = positive(
+SPACING: Final = bounded("Least distance between agents sent to one point, m.", default=0.6)
+TRAVEL_SPEED: Final = bounded(
     "Speed limit on the way, m/s; at most limits.speed, and that if not given.", examples=[0.3]
 )
 

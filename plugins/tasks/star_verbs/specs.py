@@ -13,11 +13,11 @@ from star_verbs.formation.spec import SPEC as FORMATION
 from star_verbs.positions import (
     SPACING,
     TRAVEL_SPEED,
+    bounded,
     duration,
     exactly_one,
     extents,
     point,
-    positive,
     speed_problems,
     spread_goals,
     spread_problems,
@@ -55,9 +55,9 @@ def _check_goto(scene: Scene, rows: tuple[int, ...], **options: Any) -> Iterator
             yield Problem(("by",), message, "unreachable-goal")
 
 
-_CLIMB_HEIGHT = positive("Height to climb to, z in the map, m.", default=0.8)
-_CLIMB_SPEED = positive("Mean speed of the climb, m/s.", default=0.3)
-_DESCENT_SPEED = positive("Mean speed of the descent, m/s.", default=0.2)
+_CLIMB_HEIGHT = bounded("Height to climb to, z in the map, m.", default=0.8)
+_CLIMB_SPEED = bounded("Mean speed of the climb, m/s.", default=0.3)
+_DESCENT_SPEED = bounded("Mean speed of the descent, m/s.", default=0.2)
 _YAW = {
     "type": "number",
     "description": "Heading to turn to, degrees anticlockwise from the map's x axis; "
@@ -184,7 +184,7 @@ SPECS: Final[tuple[TaskSpec, ...]] = (
                 "yaw_deg": _YAW,
                 "speed": TRAVEL_SPEED,
                 "spacing": SPACING,
-                "within": positive("Distance to its goal each agent must reach, m.", default=0.1),
+                "within": bounded("Distance to its goal each agent must reach, m.", default=0.1),
             },
             "examples": [{"agents": "cf1", "to": [1.0, 0.5, 0.8]}],
         },

@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from star_core.toolkit import number, positive
+
 OPTIONS: dict[str, Any] = {
     "type": "object",
     "properties": {
@@ -15,20 +17,15 @@ OPTIONS: dict[str, Any] = {
             "description": "What to do when an agent cannot be reached: refuse to fly, or fly "
             "without it (needs the safety rule link_lost, which removes it from the mission).",
         },
-        "response_timeout": {
-            "type": "number",
-            "exclusiveMinimum": 0,
-            "default": 2.0,
-            "description": "Time to wait for an answer before an agent or a camera counts as "
-            "absent, s.",
-        },
-        "connect_timeout": {
-            "type": "number",
-            "exclusiveMinimum": 0,
-            "default": 30.0,
-            "description": "Time within which an agent must be fully connected; after it, an "
+        "response_timeout": positive(
+            "Time to wait for an answer before an agent or a camera counts as absent, s.",
+            default=2.0,
+        ),
+        "connect_timeout": positive(
+            "Time within which an agent must be fully connected; after it, an "
             "agent that answers slowly counts as absent, s.",
-        },
+            default=30.0,
+        ),
         "setpoints": {
             "enum": ["velocity", "full-state"],
             "default": "velocity",
@@ -58,13 +55,12 @@ OPTIONS: dict[str, Any] = {
             "that it flies on board, hovers for 3 s and then comes down by itself; otherwise it "
             "hovers until its battery is empty.",
         },
-        "landing_timeout": {
-            "type": "number",
-            "minimum": 0,
-            "default": 600.0,
-            "description": "Time after the flight within which agents that may be in the air are "
+        "landing_timeout": number(
+            "Time after the flight within which agents that may be in the air are "
             "still commanded to land, s. No battery lasts longer than the default.",
-        },
+            minimum=0,
+            default=600.0,
+        ),
         "mode": {
             "enum": ["legacy", "inline"],
             "default": "legacy",
@@ -125,12 +121,11 @@ OPTIONS: dict[str, Any] = {
             "description": "Addresses of the AI-decks by agent: host or host:port; the default "
             "port is 5000.",
         },
-        "camera_latency": {
-            "type": "number",
-            "minimum": 0,
-            "default": 0.15,
-            "description": "Latency from an exposure to the first packet of its image, s.",
-        },
+        "camera_latency": number(
+            "Latency from an exposure to the first packet of its image, s.",
+            minimum=0,
+            default=0.15,
+        ),
         "mocap": {
             "type": ["object", "null"],
             "required": ["type", "hostname"],

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from star_core import Problem, TransportSpec, hookimpl
-from star_core.toolkit import fill_defaults
+from star_core.toolkit import fill_defaults, number, positive
 from star_sim import positioning_options
 from star_sim.camera_sim import options as camera_options
 from star_sim.error_profile import PROFILES
@@ -39,19 +39,16 @@ OPTIONS: dict[str, Any] = {
             "controllers with motors and battery identified from real flights; 'ideal' feeds "
             "velocity and acceleration of trajectories forward and has stronger motors.",
         },
-        "battery": {
-            "type": "number",
-            "minimum": 0,
-            "maximum": 1,
-            "default": 1.0,
-            "description": "Initial charge of every battery, as a fraction of full.",
-        },
-        "endurance": {
-            "type": "number",
-            "exclusiveMinimum": 0,
-            "default": 420.0,
-            "description": "Hover time with a full battery, s.",
-        },
+        "battery": number(
+            "Initial charge of every battery, as a fraction of full.",
+            minimum=0,
+            maximum=1,
+            default=1.0,
+        ),
+        "endurance": positive(
+            "Hover time with a full battery, s.",
+            default=420.0,
+        ),
         "swap_time": {
             "type": ["number", "null"],
             "minimum": 0,
@@ -85,20 +82,16 @@ OPTIONS: dict[str, Any] = {
                     "default": [0.0, 0.0, 0.0],
                     "description": "Mean velocity of the air, map frame, m/s.",
                 },
-                "gusts": {
-                    "type": "number",
-                    "minimum": 0,
-                    "maximum": 10,
-                    "default": 0.0,
-                    "description": "Standard deviation of the gusts along each axis, m/s; each "
-                    "drone has its own.",
-                },
-                "gust_time": {
-                    "type": "number",
-                    "exclusiveMinimum": 0,
-                    "default": 2.0,
-                    "description": "Correlation time of the gusts, s.",
-                },
+                "gusts": number(
+                    "Standard deviation of the gusts along each axis, m/s; each drone has its own.",
+                    minimum=0,
+                    maximum=10,
+                    default=0.0,
+                ),
+                "gust_time": positive(
+                    "Correlation time of the gusts, s.",
+                    default=2.0,
+                ),
             },
         },
         "radio": {

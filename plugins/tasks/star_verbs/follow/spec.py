@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any, Final
 from star_core import InputError, Problem, StepGoal, TaskSpec
 from star_verbs.positions import (
     SPACING,
+    bounded,
     changed,
     exactly_one,
     offsets,
     point,
-    positive,
     spacing_problems,
     speed_problems,
 )
@@ -41,7 +41,7 @@ OPTIONS: Final = {
             "7th degree for x, y, z, m, and yaw, rad, flown in the file's own time.",
             "default": "waypoints",
         },
-        "timescale": positive(
+        "timescale": bounded(
             "Factor by which the duration of a poly7 file is stretched: 2 is half as fast.",
             minimum=0.01,
             default=1.0,
@@ -65,13 +65,13 @@ OPTIONS: Final = {
             "Give this or 'file'.",
             "examples": ["circle"],
         },
-        "size": positive(
+        "size": bounded(
             "Side of the box, diameter of the circle, length of the figure 8 along x, m. "
             "Needed with 'path'.",
             minimum=0.01,
             examples=[2.4],
         ),
-        "width": positive(
+        "width": bounded(
             "Size of the path along y, m; by default the size, half of it for the figure 8.",
             minimum=0.01,
             examples=[1.2],
@@ -91,7 +91,7 @@ OPTIONS: Final = {
             "description": "Look along the path, or keep the heading (or fly the file's yaw_deg).",
             "default": "fixed",
         },
-        "speed": positive("Speed along the path, m/s; at most limits.speed.", default=0.3),
+        "speed": bounded("Speed along the path, m/s; at most limits.speed.", default=0.3),
         "spacing": SPACING,
     },
     "examples": [{"path": "circle", "size": 2.0, "centre": [0.0, 0.0, 0.8]}],

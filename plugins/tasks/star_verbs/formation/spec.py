@@ -11,11 +11,11 @@ from star_core import Problem, StepGoal, TaskSpec
 from star_verbs.formation.shapes import Shape, grid_size, move_faults, shape
 from star_verbs.positions import (
     TRAVEL_SPEED,
+    bounded,
     changed,
     duration,
     number_label,
     point,
-    positive,
     speed_problems,
 )
 
@@ -53,11 +53,11 @@ OPTIONS: Final[Mapping[str, Any]] = {
             "the map's origin.",
             [0.0, 0.0, 0.8],
         ),
-        "spacing": positive(
+        "spacing": bounded(
             "Distance between neighbours, m. For a circle 'radius' may be given instead.",
             default=0.6,
         ),
-        "radius": positive("Radius of the circle, m. Give this or 'spacing'.", examples=[0.8]),
+        "radius": bounded("Radius of the circle, m. Give this or 'spacing'.", examples=[0.8]),
         "rows": _count("Rows of the grid; by default as many as its columns need."),
         "columns": _count("Columns of the grid; by default as square as possible."),
         "points": {
@@ -77,7 +77,7 @@ OPTIONS: Final[Mapping[str, Any]] = {
             "examples": [90],
         },
         "speed": TRAVEL_SPEED,
-        "within": positive("Distance to its position each agent must reach, m.", default=0.1),
+        "within": bounded("Distance to its position each agent must reach, m.", default=0.1),
         "for": duration("Time to hold the formation once it is formed, s."),
         "move": {
             "type": "object",
@@ -87,7 +87,7 @@ OPTIONS: Final[Mapping[str, Any]] = {
             "additionalProperties": False,
             "properties": {
                 "to": point("Goal of its center, [x, y, z] in the map, m.", [1.0, 0.0, 0.8]),
-                "speed": positive("Of the center, m/s; at most limits.speed.", default=0.3),
+                "speed": bounded("Of the center, m/s; at most limits.speed.", default=0.3),
             },
         },
     },
