@@ -1,4 +1,4 @@
-"""The hooks: one adds kinds of plugins, seven offer plugins, one checks missions, five observe.
+"""The hooks: some offer plugins, some are called by commands, five observe flights.
 
 Offering hooks are called before the mission is read: import what is heavy inside ``make``. Their
 `registry` has the records of the kinds that plugins add already, and may be kept.
@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING, Any
 import pluggy
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from star_core import Mission, Registry
     from star_core.messages.events import Event, Flight, Tick
     from star_core.operator import Operator
@@ -104,6 +106,14 @@ def star_check(mission: Mission, registry: Registry) -> Iterable[Problem]:  # ty
 
     Unlike the `check` of a plugin, it may import what is heavy. The paths of its problems begin at
     the top of the mission.
+    """
+
+
+@hookspec(firstresult=True)
+def star_report(folder: Path, registry: Registry) -> Path | None:
+    """Write the report of a recorded flight or a study and return its file; None to leave it.
+
+    It may raise `InputError`: the folder holds no record, or a package is not installed.
     """
 
 

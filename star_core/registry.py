@@ -11,7 +11,7 @@ from typing import Any
 import pluggy
 
 from star_core import hookspecs
-from star_core.errors import PluginError, suggestion
+from star_core.errors import InputError, PluginError, suggestion
 from star_core.plugin_support.discovery import Source, installed_plugins
 from star_core.plugin_support.guard import PluginGuard
 from star_core.plugin_support.option_schema import sound
@@ -40,7 +40,8 @@ class Registry:
 
     Attributes:
         manager: Holds the plugins and calls their hooks. What a plugin raises there is a
-            `PluginError` that names it; a plugin that raises where it offers records is skipped.
+            `PluginError` that names it, unless it is an `InputError`; a plugin that raises where it
+            offers records is skipped.
         broken: Why each skipped plugin could not be used.
         kinds: The class of the records of each kind; those that plugins add are the last.
 
@@ -167,8 +168,13 @@ class Registry:
     @contextmanager
     def _guard(self, plugin: str, hook: str) -> Iterator[None]:
         if not self._offers(hook):
-            with PluginGuard(f"{hook} of {self._sources[plugin]}"):
-                yield
+            try:
+                with PluginGuard(f"{hook} of {self._sources[plugin]}"):
+                    yield
+            except PluginError as error:
+                if isinstance(error.__cause__, InputError):
+                    raise error.__cause__ from None
+                raise
             return
         try:
             yield
@@ -187,10 +193,14 @@ class Registry:
         return tuple(sorted(self._found.get(kind, ())))
 
     def observers(self) -> dict[str, object]:
-        """Return the plugins that check missions or observe flights, by name."""
-        hooks = [hook for hook in vars(hookspecs) if hook.startswith("star_")]
-        names = (self.manager.implementing(hook) for hook in hooks if not self._offers(hook))
-        return {name: self.manager.plugins[name] for name in sorted(set().union(*names))}
+        """Return the plugins that observe flights, by hooks without a result, by name."""
+        hooks = [
+            name
+            for name, hook in vars(hookspecs).items()
+            if name.startswith("star_") and hook.__annotations__["return"] == "None"
+        ]
+        names = set().union(*map(self.manager.implementing, hooks))
+        return {name: self.manager.plugins[name] for name in sorted(names)}
 
     def offers(self) -> dict[str, dict[str, Any]]:
         """Return the records by kind and name.

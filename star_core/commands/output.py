@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import io
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager, redirect_stdout
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from star_core.commands.command_line import run_command
 from star_core.errors import InputError, StarError
 
 if TYPE_CHECKING:
@@ -86,13 +84,11 @@ def replace_file(path: Path, text: str) -> None:
 
 def write_report(folder: Path, registry: Registry) -> str:
     """Write the report of a run or a study; return a line with its file, or why there is none."""
-    printed = io.StringIO()
     try:
-        with redirect_stdout(printed):
-            run_command("report", [str(folder)], registry)
+        path = registry.manager.hook.star_report(folder=folder, registry=registry)
     except StarError as error:
         return f"no report: {error.message}"
-    return f"report: {printed.getvalue().strip()}"
+    return f"report: {path}" if path else "no report: no installed plugin writes one"
 
 
 def add_set_option(line: argparse.ArgumentParser) -> None:

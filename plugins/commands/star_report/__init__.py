@@ -9,6 +9,8 @@ from star_core import deferred, hookimpl
 from star_core.commands import CommandSpec, RunOptionSpec
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from star_core import Mission, Registry
     from star_report.observer import Reporter
 
@@ -31,6 +33,14 @@ def star_run_options() -> Iterator[RunOptionSpec]:
         summary="write report.html beside the record when the flight is over",
         make=_observer,
     )
+
+
+@hookimpl
+def star_report(folder: Path) -> Path:
+    from star_report.command import require_plotly, write
+
+    require_plotly()
+    return write(folder)
 
 
 def _observer(_mission: Mission, _registry: Registry) -> Reporter:

@@ -193,6 +193,22 @@ def test_a_name_is_that_of_a_plugin_of_its_entry_point_or_of_its_kind(
     assert {(kind, one.offer.name) for kind, one in chosen(Registry(), name)} == found
 
 
+def test_observers_are_the_plugins_that_observe_flights() -> None:
+    class Advisor:
+        @hookimpl
+        def star_check(self) -> list[object]:
+            return []
+
+    class Watcher:
+        """Observer: counts nothing."""
+
+        @hookimpl
+        def star_ticked(self) -> None: ...
+
+    ((kind, found),) = chosen(Registry(Advisor(), Watcher(), installed=False))
+    assert (kind, found.offer.summary) == ("observer", "Counts nothing.")
+
+
 def test_an_unknown_name_is_refused_with_the_nearest_one(said: Said) -> None:
     assert main(["plugins", "orka"]) == 2
     err = said.readouterr().err

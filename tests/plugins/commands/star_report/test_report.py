@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 import pytest
 
-from star_core import AgentPhase, Registry, Run, read_run
+from star_core import AgentPhase, InputError, Registry, Run, hookimpl, read_run
 from star_core.commands import write_report
 from star_core.commands.main import main
 from star_report.charts import series, tick_times
@@ -196,6 +196,32 @@ def test_without_plotly_nothing_flies_and_a_study_names_the_package(
     assert "pip install 'star-swarm[report]' [missing-package]" in capsys.readouterr().err
     line = write_report(run.folder, Registry())
     assert line == "no report: star report needs plotly: pip install 'star-swarm[report]'"
+
+
+class Sketch:
+    """A plugin that writes reports of its own, or raises."""
+
+    def __init__(self, error: Exception | None = None) -> None:
+        self._error = error
+
+    @hookimpl
+    def star_report(self, folder: Path) -> Path:
+        if self._error is not None:
+            raise self._error
+        return folder / "sketch.svg"
+
+
+@pytest.mark.parametrize(
+    ("plugins", "line"),
+    [
+        ((), "no report: no installed plugin writes one"),
+        ((Sketch(),), "report: run/sketch.svg"),
+        ((Sketch(InputError("no pencil")),), "no report: no pencil"),
+        ((Sketch(ValueError("no pencil")),), "no report: star_report of .*: ValueError: no pencil"),
+    ],
+)
+def test_reports_are_written_by_a_hook(plugins: tuple[object, ...], line: str) -> None:
+    assert re.match(line, write_report(Path("run"), Registry(*plugins, installed=False)))
 
 
 @pytest.mark.parametrize("missing", ["manifest.json", "summary.json", "trajectory.npz"])
