@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-import numpy as np
-
 from star_core.contracts import Status
-from star_core.execution.assignments import Assignments, GoalBuffer, Team
+from star_core.execution.assignments import Assignments, Team
+from star_core.execution.instructions import Draft, Instructions
 from star_core.execution.step_run import (
     Execution,
     Rounds,
@@ -17,7 +16,7 @@ from star_core.execution.step_run import (
     TickContext,
 )
 from star_core.messages.commands import Trajectory
-from star_core.messages.state import UNFIT, Estimate
+from star_core.messages.state import UNFIT
 from star_core.mission import Mission
 from star_core.mission_file.conditions import in_words
 from star_core.mission_file.step_tree import Action, Node, Parallel, Repeat
@@ -53,14 +52,11 @@ class StepExecutor:
         compute_time: ComputeTime,
         strikes: Strikes,
     ) -> None:
-        n = len(mission.scene.agents)
         self._assignments = assignments
         self._tasks = TaskPool(mission, registry, compute_time)
-        self._goals = GoalBuffer(n, mission.scene.limits.speed, self._tasks.trajectories)
-        self._shared = Execution(
-            mission.scene, assignments, self._tasks, self._goals, observers, strikes
-        )
+        self._shared = Execution(mission.scene, assignments, self._tasks, observers, strikes)
         self._tick: TickContext
+        self._draft: Draft
         self._running = self._sequence(mission.steps)
         self._time = 0.0
         self.steps: list[dict[str, Any]] = []
@@ -71,19 +67,13 @@ class StepExecutor:
         """The trajectories that its tasks may order to be flown on board, each once."""
         return self._tasks.trajectories
 
-    def step(self, tick: TickContext) -> tuple[Status, GoalBuffer]:
-        """Run one tick of every running step; return the mission's status, and all goals."""
+    def step(self, tick: TickContext) -> tuple[Status, Instructions]:
+        """Run one tick of every running step; return the mission's status, and what to do."""
         self._tick, self._time = tick, tick.time
-        self._goals.begin_tick()
+        self._draft = Draft(Instructions(tick.goals))
+        self._draft.goals.stop()
         status = next(self._running)
-        return status, self._goals
-
-    def remove(self, row: int, estimate: Estimate) -> None:
-        """Remove an agent from every step; its goal is its position."""
-        self._assignments.vacate([row])
-        self._goals.active[row] = False
-        alone = np.arange(len(estimate.valid)) == row
-        self._goals.hold(alone & estimate.valid, estimate)
+        return status, self._draft.finish()
 
     def close(self) -> list[str]:
         """Abort the running steps and close every task; return their errors."""
@@ -146,12 +136,12 @@ class StepExecutor:
         unlocated = [row for row in team.rows if not self._tick.estimate.valid[row]]
         wait = f", not located yet: {scene.named(unlocated)}" if unlocated else ""
         log(f"begins{until}{wait}", action, team.rows, rounds)
-        run = StepRun.begin(action, team, self._tick, self._shared, rounds)
+        run = StepRun.begin(action, team, self._tick, self._draft, self._shared, rounds)
         self.steps.append(run.entry)
-        while (result := run.step(self._tick))[0] is Status.RUNNING:
+        while (result := run.step(self._tick, self._draft))[0] is Status.RUNNING:
             yield Status.RUNNING
         status, reason = result
-        self._goals.free.update(run.team.rows)
+        self._draft.free.update(run.team.rows)
         outcome = "success" if status is Status.SUCCESS else "failure"
         run.entry |= {"ended_s": self._tick.time, "outcome": outcome}
         if status is Status.FAILURE:
@@ -179,7 +169,7 @@ class StepExecutor:
         phase = self._tick.health.phase
         leave = set(rows) if land else {row for row in rows if phase[row] in UNFIT}
         self._assignments.vacate(leave, retire=land)
-        self._goals.leave |= leave
+        self._draft.leave |= leave
         text += f"; on_failure: {action.on_failure}"
         self._shared.report("failure", text, action, rows, rounds)
         return Status.SUCCESS

@@ -7,9 +7,8 @@ from typing import Final
 import numpy as np
 
 from star_core.errors import PluginError
-from star_core.execution.assignments import GoalBuffer
 from star_core.messages.arrays import Mask, Rows
-from star_core.messages.state import AIRBORNE, AgentPhase, Estimate
+from star_core.messages.state import AIRBORNE, AgentPhase, Estimate, Goals
 from star_core.observers import Observers
 from star_core.operator import Operator
 from star_core.scene import Scene
@@ -54,9 +53,7 @@ class Shutdown:
         if estimate is None:
             return ""
         begun = vehicles.time
-        goals = GoalBuffer(n, self._scene.limits.speed)
-        goals.doing = ["landing"]
-        self._command_landings(np.arange(n), estimate, goals, at_once=at_once)
+        self._command_landings(np.arange(n), estimate, at_once=at_once)
         age = np.zeros(n)  # s, of each agent's newest report
         waits = False  # for a report after the planned end of all landings
         while (up := self._unreported()).any():
@@ -76,10 +73,10 @@ class Shutdown:
             estimate = vehicles.locate(telemetry)
             health = vehicles.track(telemetry, estimate)
             lost = np.flatnonzero(vehicles.phases.among(AgentPhase.LOST))
-            self._command_landings(lost, estimate, goals, at_once=at_once)
+            goals = self._command_landings(lost, estimate, at_once=at_once)
             self._loop.landing.repeat_missed(telemetry, estimate)
             if goals.active.any():
-                self._loop.steer(telemetry, estimate, health, goals)
+                self._loop.steer(telemetry, estimate, health, goals, ["landing"])
             else:
                 self._loop.watch(telemetry, estimate, health)
         return self._fallen(end)
@@ -164,13 +161,15 @@ class Shutdown:
             return ""
         return f"{self._scene.named(np.flatnonzero(fallen).tolist())} ended in emergency"
 
-    def _command_landings(
-        self, rows: Rows, estimate: Estimate, goals: GoalBuffer, *, at_once: bool
-    ) -> None:
-        """Command landings now, or once each agent is at rest above a free position."""
-        goals.active[:] = False
+    def _command_landings(self, rows: Rows, estimate: Estimate, *, at_once: bool) -> Goals:
+        """Command landings now, or once each agent is at rest above a free position.
+
+        Returns:
+            The goals of the agents that have yet to come to rest there.
+        """
+        no_goals = Goals.none(len(self._scene.agents))
         if at_once:
             self._loop.landing.land_now(rows, estimate)
-        else:
-            self._loop.landing.land(rows)
-            self._loop.landing.step(estimate, goals)
+            return no_goals
+        self._loop.landing.land(rows)
+        return self._loop.landing.step(estimate, no_goals)

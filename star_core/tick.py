@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Final, NamedTuple
@@ -10,7 +11,8 @@ import numpy as np
 
 from star_core.contracts import Status
 from star_core.errors import shortlist
-from star_core.execution.assignments import Assignments, GoalBuffer
+from star_core.execution.assignments import Assignments
+from star_core.execution.instructions import GoalDraft, Instructions, hold
 from star_core.execution.landing import LandingManager
 from star_core.execution.reserves import ReserveManager
 from star_core.execution.step_run import TickContext
@@ -103,6 +105,7 @@ class ControlLoop:
         self._uncertain_landings: dict[int, str] = {}  # names by the slots that they left
         self._unreachable: dict[int, str] = {}  # reasons by row, in the last tick
         self._lost_since = np.full(n, np.inf)  # s
+        self._goals = Goals.none(n)  # of the last tick
         self._started = False
 
     def tick(self) -> MissionStatus:
@@ -118,37 +121,43 @@ class ControlLoop:
         ):
             return MissionStatus(Status.FAILURE, reason)
         context = self._context(telemetry, estimate, health, excused)
-        status, goals = self.executor.step(context)
+        status, instructions = self.executor.step(context)
         if self._reserves is not None:
-            self._reserves.step(context, goals)
-        self._send_commands(goals, estimate)
-        self.landing.step(estimate, goals)
+            instructions = self._reserves.step(context, instructions)
+        self._send_commands(instructions, estimate)
+        goals = self.landing.step(estimate, instructions.goals)
         self.landing.repeat_missed(telemetry, estimate)
-        goals.hold(self.vehicles.phases.among(AgentPhase.FLYING), estimate)
-        self._unreachable = self.steer(telemetry, estimate, health, goals)
+        flying = self.vehicles.phases.among(AgentPhase.FLYING)
+        self._goals = hold(goals, flying, estimate, self._scene.limits.speed)
+        doing = instructions.doing
+        self._unreachable = self.steer(telemetry, estimate, health, self._goals, doing)
         return MissionStatus(status, self.executor.reason)
 
     def steer(
-        self, telemetry: Telemetry, estimate: Estimate, health: Health, goals: GoalBuffer
+        self,
+        telemetry: Telemetry,
+        estimate: Estimate,
+        health: Health,
+        goals: Goals,
+        doing: Sequence[str],
     ) -> dict[int, str]:
         """Fly towards goals for a tick; return why goals cannot be reached, by row."""
-        merged = self._redirect(estimate, goals.goals())
-        plan = self._pipeline.plan(estimate, merged)
+        goals = self._redirect(estimate, goals)
+        plan = self._pipeline.plan(estimate, goals)
         wanted = self.vehicles.setpoint(self._uncertain.stop(plan.setpoint), estimate)
         seen = self._grounded.mark(estimate, health.phase, self._gone())
         avoided = self._pipeline.avoid(seen, wanted)
         near = self._near(estimate)
         with self._pipeline.safety_time:
-            drawn_in, stuck = self._setpoints.check(estimate, self._kept(merged), avoided, wanted)
+            drawn_in, stuck = self._setpoints.check(estimate, self._kept(goals), avoided, wanted)
             self._pipeline.fail(stuck)
             if self._pipeline.strikes.pending:
                 drawn_in = replace(drawn_in, active=np.zeros_like(drawn_in.active))  # brake
             safe, corrected = self._safety.filter(seen, drawn_in, wanted, near)
         sent = self.vehicles.send(safe, telemetry, estimate)
-        outputs = telemetry, estimate, health, merged, plan, sent, self._pipeline.truth()
-        doing = shortlist(goals.doing)
+        outputs = telemetry, estimate, health, goals, plan, sent, self._pipeline.truth()
         timing = self.vehicles.timing.of_tick(self._pipeline.took())
-        self._record(Tick(self.vehicles.time, *outputs, doing, corrected, timing), near)
+        self._record(Tick(self.vehicles.time, *outputs, shortlist(doing), corrected, timing), near)
         return {
             row: plan.reasons.get(row, "the planner finds no way to the goal")
             for row in (plan.unreachable & wanted.active & ~self._uncertain.redirected)
@@ -217,7 +226,12 @@ class ControlLoop:
         """Remove an agent from the mission, by an action."""
         name = self._scene.agents[row].name
         self._observers.event("safety", f"{name} {ACTIONS[action]}: {reason}", name)
-        self.executor.remove(row, estimate)
+        self._assignments.vacate([row])
+        goals = GoalDraft(self._goals)
+        goals.active[row] = False
+        alone = np.arange(len(estimate.valid)) == row
+        goals.hold(alone & estimate.valid, estimate, self._scene.limits.speed)
+        self._goals = goals.finish()
         if action is SafetyAction.LAND:
             self.landing.land([row])
         elif action is SafetyAction.STOP:
@@ -272,17 +286,19 @@ class ControlLoop:
         disabled = {row: self.vehicles.phases.describe(row) for row in unfit}
         refusals = dict(telemetry.refusals)
         time = self.vehicles.time
-        return TickContext(time, estimate, health, disabled, refusals, self._unreachable)
+        return TickContext(
+            time, estimate, health, disabled, refusals, self._unreachable, self._goals
+        )
 
-    def _send_commands(self, goals: GoalBuffer, estimate: Estimate) -> None:
+    def _send_commands(self, instructions: Instructions, estimate: Estimate) -> None:
         """Send the commands of this tick; landings are held back by the landing manager."""
-        self.vehicles.release(goals.free)
-        for command in goals.commands:
+        self.vehicles.release(instructions.free)
+        for command in instructions.commands:
             if command.order is Order.LAND:
                 self.landing.request(command)
             else:
                 self.vehicles.send_command(command, estimate)
-        self.landing.land(sorted(goals.leave))
+        self.landing.land(sorted(instructions.leave))
 
     def _near(self, estimate: Estimate) -> Pairs:
         """Return the pairs of agents that safety filter and metrics consider."""

@@ -9,11 +9,11 @@ from typing import Final
 
 import numpy as np
 
-from star_core.execution.assignments import GoalBuffer
+from star_core.execution.instructions import GoalDraft
 from star_core.messages.arrays import Array, Mask, Rows, some
 from star_core.messages.commands import Command, Order
 from star_core.messages.position_margin import MAX_MARGIN_RATIO, position_margin
-from star_core.messages.state import AgentPhase, Estimate, among
+from star_core.messages.state import AgentPhase, Estimate, Goals, among
 from star_core.messages.telemetry import Supervisor, Telemetry
 from star_core.observers import Observers
 from star_core.safety.agents_in_the_way import MAX_REPORT_AGE
@@ -210,11 +210,12 @@ class LandingManager:
         self._ends_at[rows] = self._vehicles.time + duration
         self._hovers_since[rows] = np.inf
 
-    def step(self, estimate: Estimate, goals: GoalBuffer) -> None:
-        """Command the landings that are possible; set the goals of the other agents."""
+    def step(self, estimate: Estimate, goals: Goals) -> Goals:
+        """Command the landings that are possible; return the goals, with those of the others."""
         if not self._waiting:
             self._vehicles.descend(())
-            return
+            return goals
+        draft = GoalDraft(goals)
         phases = self._vehicles.phases.of_agents()
         drifts, descending = self._vehicles.drifts(), []
         steered = (phases == AgentPhase.FLYING) & estimate.valid
@@ -236,15 +237,16 @@ class LandingManager:
             if landing.position is None and slow:
                 self._choose_position(row, landing, estimate)
             if landing.position is None:  # brake
-                goals.set_goal(row, here, float(estimate.yaw[row]), self._scene.limits.speed)
+                draft.set(row, here, float(estimate.yaw[row]), self._scene.limits.speed)
             elif slow and math.dist(landing.position, here[:2]) <= ARRIVAL_TOLERANCE:
                 ready.append(row)
             else:
                 goal = np.array([*landing.position, landing.height])
-                goals.set_goal(row, goal, float(estimate.yaw[row]), self._scene.limits.speed)
+                draft.set(row, goal, float(estimate.yaw[row]), self._scene.limits.speed)
         self._vehicles.descend(descending)
         durations = np.array([self._waiting.pop(row).duration for row in ready])
         self.land_now(np.array(ready, np.int64), estimate, durations)
+        return draft.finish()
 
     def _add(self, row: int, duration: float) -> None:
         self._waiting.setdefault(row, _Landing(duration, self._vehicles.time + SETTLING_TIME))

@@ -10,9 +10,10 @@ import numpy as np
 
 from star_core.contracts import Status, Task, TaskOutput
 from star_core.errors import ContractError, shortlist
-from star_core.execution.assignments import Assignments, GoalBuffer, Team
+from star_core.execution.assignments import Assignments, Team
+from star_core.execution.instructions import Draft
 from star_core.messages.commands import Trajectory
-from star_core.messages.state import AgentPhase, Estimate, Health
+from star_core.messages.state import AgentPhase, Estimate, Goals, Health
 from star_core.mission import Mission
 from star_core.mission_file.conditions import ConditionContext, holds, longest_wait
 from star_core.mission_file.step_tree import Action, actions
@@ -49,6 +50,7 @@ class TickContext:
         disabled: The states of agents that cannot continue their steps, by row.
         refusals: Reasons why agents refused commands, by row.
         unreachable: Reasons why the planner could not reach goals in the last tick, by row.
+        goals: Of the last tick.
     """
 
     time: float
@@ -57,6 +59,7 @@ class TickContext:
     disabled: Mapping[int, str]
     refusals: Mapping[int, str]
     unreachable: Mapping[int, str]
+    goals: Goals
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +70,6 @@ class Execution:
         scene: Static description of the flight.
         assignments: The agents of the mission.
         tasks: Made before take-off.
-        goals: Of all steps, merged.
         observers: Receive the messages of tasks; their events end steps.
         strikes: Counts the failures of tasks.
     """
@@ -75,7 +77,6 @@ class Execution:
     scene: Scene
     assignments: Assignments
     tasks: TaskPool
-    goals: GoalBuffer
     observers: Observers
     strikes: Strikes
 
@@ -139,12 +140,13 @@ class StepRun:
         action: Action,
         team: Team,
         tick: TickContext,
+        draft: Draft,
         shared: Execution,
         rounds: Rounds,
     ) -> Self:
         """Begin a step for a team."""
         task, guard = shared.tasks.take(action, team.rows)
-        limit = _begin_task(action, task, guard, tick, shared.goals)
+        limit = _begin_task(action, task, guard, tick, draft)
         entry = {
             **shared.details(action, team.rows, rounds),
             "begun_s": tick.time,
@@ -154,19 +156,19 @@ class StepRun:
         version = shared.assignments.version
         return cls(action, rounds, team, version, task, guard, limit, tick.time, entry, shared)
 
-    def step(self, tick: TickContext) -> tuple[Status, str]:
+    def step(self, tick: TickContext, draft: Draft) -> tuple[Status, str]:
         """Run one tick of the step; return its status, and the reason of its failure."""
-        goals = self.shared.goals
         if self.version != self.shared.assignments.version:
-            self._update_team(tick)
+            self._update_team(tick, draft)
         if not self.team.rows:
             return Status.FAILURE, "no agent is left for it"
-        goals.doing.append(f"{self.action.verb} {self.team.label}")
+        draft.doing.append(f"{self.action.verb} {self.team.label}")
         if reason := self._disabled(tick):
             return Status.FAILURE, reason
         output = TaskOutput()
         with ToleratingGuard(self.guard, self.shared.strikes):
-            output = goals.add(self.task.step(tick.estimate, tick.health), self.team.own)
+            answer = self.task.step(tick.estimate, tick.health)
+            output = draft.add(answer, self.team.own, self.shared.tasks.trajectories)
         for message in output.messages:
             text = f"{self.action.verb}: {message}"
             self.shared.report("task", text, self.action, self.team.rows, self.rounds)
@@ -175,7 +177,7 @@ class StepRun:
         if output.status is Status.FAILURE:
             return Status.FAILURE, output.reason or "failed and gave no reason"
         if tick.time - self.begun >= self.timeout:
-            return Status.FAILURE, f"timed out after {self.timeout:.3g} s{self._late(tick)}"
+            return Status.FAILURE, f"timed out after {self.timeout:.3g} s{self._late(tick, draft)}"
         return Status.RUNNING, ""
 
     def _disabled(self, tick: TickContext) -> str:
@@ -194,9 +196,9 @@ class StepRun:
                 reasons += [f"{names[row]} {text}{given[row]}" for row in rows]
         return self._listed(reasons)
 
-    def _late(self, tick: TickContext) -> str:
+    def _late(self, tick: TickContext, draft: Draft) -> str:
         """Return why agents have not finished, as far as the core can see."""
-        reasons, goals = [], self.shared.goals
+        reasons, goals = [], draft.goals
         for row in self.team.rows:
             name = self.shared.scene.agents[row].name
             phase = AgentPhase(tick.health.phase[row])
@@ -215,18 +217,18 @@ class StepRun:
             self.entry["causes"] = list(causes)
         return shortlist(causes)
 
-    def _update_team(self, tick: TickContext) -> None:
+    def _update_team(self, tick: TickContext, draft: Draft) -> None:
         """Continue with the agents that are assigned to the step's slots now.
 
         A task without a method for the change is made again. An agent that fills an empty slot
         waits for the next step if the task has no `on_agents_added`.
         """
-        assignments, goals = self.shared.assignments, self.shared.goals
+        assignments = self.shared.assignments
         self.version = assignments.version
         before, now = self.team.holders, assignments.holders(self.action.rows)
         if now == before:
             return
-        goals.free |= set(before.values()) - set(now.values())
+        draft.free |= set(before.values()) - set(now.values())
         kept = {slot: now[slot] for slot in before if slot in now}
         swaps = [(before[slot], row) for slot, row in kept.items() if before[slot] != row]
         self.team = Team.of(kept, self.shared.scene)
@@ -238,9 +240,9 @@ class StepRun:
         )
         fewer = len(kept) < len(before)
         if (swaps and replaced is None) or (fewer and removed is None):
-            goals.free.update(self.team.rows)
+            draft.free.update(self.team.rows)
             self.task, _ = self.shared.tasks.take(self.action, self.team.rows)
-            limit = _begin_task(self.action, self.task, self.guard, tick, self.shared.goals)
+            limit = _begin_task(self.action, self.task, self.guard, tick, draft)
             if self.action.timeout is None:
                 self.timeout = tick.time - self.begun + limit
             return
@@ -274,12 +276,12 @@ class StepRun:
 
 
 def _begin_task(
-    action: Action, task: Task, guard: PluginGuard, tick: TickContext, goals: GoalBuffer
+    action: Action, task: Task, guard: PluginGuard, tick: TickContext, draft: Draft
 ) -> float:
     """Begin a task; return the timeout of its step, s."""
     with guard:
         if hasattr(task, "continue_from"):
-            task.continue_from(goals.goals())
+            task.continue_from(draft.goals.goals())
         limit = checked_timeout(task.begin(tick.estimate, tick.health))
     wait = None if action.until is None else longest_wait(action.until)
     return step_timeout(limit, wait, action.timeout)

@@ -10,7 +10,7 @@ import numpy as np
 
 from star_core.contracts import Status, Task, TaskOutput
 from star_core.errors import ContractError
-from star_core.execution.assignments import GoalBuffer
+from star_core.execution.instructions import Draft, Instructions
 from star_core.messages.arrays import Mask
 from star_core.messages.commands import Command, Order
 from star_core.messages.state import AgentPhase, Estimate, Goals, Health
@@ -65,7 +65,8 @@ def check_task(
         tasks = [make(room, rows) for _ in range(2)]
         require_methods(tasks[0], Task)
         swarm = _PointMasses(room, phase)
-        goals = GoalBuffer(n, room.limits.speed, getattr(tasks[0], "trajectories", ()))
+        draft = Draft(Instructions(Goals.none(n)))
+        trajectories = getattr(tasks[0], "trajectories", ())
         took, status = [0.0], Status.RUNNING
         for tick in range(int(TASK_TIME / room.period)):
             if status is not Status.RUNNING:
@@ -78,7 +79,8 @@ def check_task(
                 rows = _changed(tasks, rows, tick) if n > 1 else rows
                 output, elapsed = called_alike(tasks, "step", inputs)
                 took.append(elapsed)
-                status = goals.add(output, np.isin(np.arange(n), rows)).status
+                own = np.isin(np.arange(n), rows)
+                status = draft.add(output, own, trajectories).status
                 if status is Status.FAILURE and not output.reason:
                     raise ContractError("failed without TaskOutput.reason, which users are shown")
                 swarm.move(output)

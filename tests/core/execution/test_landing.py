@@ -11,9 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from star_core import AgentPhase, Command, Limits, Obstacle, Supervisor
+from star_core import AgentPhase, Command, Goals, Limits, Obstacle, Supervisor
 from star_core.commands.main import main
-from star_core.execution.assignments import GoalBuffer
 from star_core.execution.landing import LandingManager
 from star_core.messages.state import among
 from star_core.testing import estimate, scene
@@ -222,7 +221,7 @@ def test_an_agent_that_lands_unlocated_keeps_its_position_from_those_above_it() 
     landings = Landings([AgentPhase.FLYING] * 2)
     stacked = estimate(np.array([[0.0, 0.0, 1.5], [0.0, 0.0, 0.5]]))
     landings.manager.land([0, 1])
-    landings.manager.step(replace(stacked, valid=np.array([True, False])), GoalBuffer(2, 0.5))
+    landings.manager.step(replace(stacked, valid=np.array([True, False])), Goals.none(2))
     assert landings.landed == [[1]]
     assert landings.reported == ["cf1 lands 0.60 m aside: its position is not free"]
 
@@ -237,7 +236,7 @@ def test_setpoints_lead_an_agent_down_that_would_drift_in_a_landing(limit: float
     for k in range(120):
         landings.vehicles.time = time = 0.05 * k
         landings.drifts[0] = time < limit
-        landings.manager.step(lost, GoalBuffer(1, 0.5))
+        landings.manager.step(lost, Goals.none(1))
         if landings.landed:
             break
     assert landings.landed == [[0]]
@@ -252,7 +251,7 @@ def test_no_agent_lands_below_one_that_may_descend(depth: float) -> None:
     level = estimate(np.array([[0.1, 0.0, 1.0], [0.0, 0.0, 1.0]]))
     travel = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, -depth]])
     landings.manager.land([0])
-    landings.manager.step(replace(level, possible_travel=travel), GoalBuffer(2, 0.5))
+    landings.manager.step(replace(level, possible_travel=travel), Goals.none(2))
     assert bool(landings.reported) == (depth > 0)
 
 
@@ -273,7 +272,7 @@ def test_an_agent_lands_farther_from_one_on_the_ground_if_positions_are_uncertai
     seen = estimate(np.array([[0.0, 0.0, 1.0], [0.3, 0.0, 0.0]]))
     covariance = np.array([np.eye(3) * std**2 for std in stds])
     landings.manager.land([0])
-    landings.manager.step(replace(seen, covariance=covariance), GoalBuffer(2, 0.5))
+    landings.manager.step(replace(seen, covariance=covariance), Goals.none(2))
     assert landings.reported == aside
 
 
@@ -368,7 +367,7 @@ def test_an_uncertain_agent_lands_farther_from_obstacles(
     landings = Landings([AgentPhase.FLYING], Limits(uncertainty_margin=margin), pillar)
     seen = estimate(np.array([[0.0, 0.0, 1.0]]))
     landings.manager.land([0])
-    landings.manager.step(replace(seen, covariance=std**2 * np.eye(3)[None]), GoalBuffer(1, 0.5))
+    landings.manager.step(replace(seen, covariance=std**2 * np.eye(3)[None]), Goals.none(1))
     assert landings.reported == aside
 
 
@@ -377,5 +376,5 @@ def test_an_uncertain_agent_lands_inside_the_fence() -> None:
     low, high = scene(1).world.fence.low, scene(1).world.fence.high
     seen = estimate(np.array([[high[0] - 0.1, (low[1] + high[1]) / 2, 1.0]]))
     landings.manager.land([0])
-    landings.manager.step(replace(seen, covariance=0.1**2 * np.eye(3)[None]), GoalBuffer(1, 0.5))
+    landings.manager.step(replace(seen, covariance=0.1**2 * np.eye(3)[None]), Goals.none(1))
     assert landings.reported == ["cf1 lands 0.25 m aside: its position is not free"]

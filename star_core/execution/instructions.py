@@ -1,0 +1,184 @@
+"""What the swarm is to do in a tick: goals and commands, of which each stage returns new ones."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from star_core.contracts import Status, TaskOutput
+from star_core.errors import CommandError, ContractError
+from star_core.messages.arrays import (
+    Array,
+    Mask,
+    Rows,
+    every,
+    frozen,
+    require_rows,
+    require_type,
+    some,
+)
+from star_core.messages.commands import Command, Trajectory
+from star_core.messages.state import Estimate, Goals
+
+NUMBERS: Final = ("position", "velocity", "yaw", "speed")
+"""Columns of `Goals` that are numbers."""
+
+
+class Instructions(NamedTuple):
+    """What the swarm is to do in a tick.
+
+    Attributes:
+        goals: Of all agents; they persist from tick to tick.
+        commands: To send, in this order.
+        doing: The running steps.
+        leave: Agents that are to land and leave the mission.
+        free: Agents whose step is over or that left it: what they fly on board is aborted.
+    """
+
+    goals: Goals
+    commands: tuple[Command, ...] = ()
+    doing: tuple[str, ...] = ()
+    leave: frozenset[int] = frozenset()
+    free: frozenset[int] = frozenset()
+
+
+class GoalDraft:
+    """Goals that a stage changes, before it returns them.
+
+    Args:
+        goals: Those to start from.
+
+    Attributes:
+        position: (N, 3) m, map frame.
+        active: (N,) agents with a goal.
+    """
+
+    def __init__(self, goals: Goals) -> None:
+        self.position = goals.position.copy()
+        self.active = goals.active.copy()
+        self._velocity, self._yaw = goals.velocity.copy(), goals.yaw.copy()
+        self._speed = goals.speed.copy()
+
+    def stop(self) -> None:
+        """Let all goals be at rest."""
+        self._velocity.fill(0.0)
+
+    def set(self, row: int, position: Array, yaw: float, speed: float) -> None:
+        """Set the goal of one agent, at rest."""
+        self.position[row], self._velocity[row] = position, 0.0
+        self._yaw[row], self._speed[row], self.active[row] = yaw, speed, True
+
+    def take(self, goals: Goals, rows: Rows) -> None:
+        """Take over the goals of some agents."""
+        self.position[rows], self._velocity[rows] = goals.position[rows], goals.velocity[rows]
+        self._yaw[rows], self._speed[rows] = goals.yaw[rows], goals.speed[rows]
+        self.active[rows] = True
+
+    def hold(self, rows: Mask, estimate: Estimate, speed: float) -> None:
+        """Set the goals of some agents, (N,), to their positions."""
+        self.position[rows], self._yaw[rows] = estimate.position[rows], estimate.yaw[rows]
+        self._speed[rows], self.active[rows] = speed, True
+
+    def goals(self) -> Goals:
+        """Return the goals as they are now."""
+        return Goals(self.position, self._velocity, self._yaw, self._speed, self.active)
+
+    def finish(self) -> Goals:
+        """Return the goals, which do not change any more."""
+        for column in (self.position, self._velocity, self._yaw, self._speed, self.active):
+            frozen(column)
+        return self.goals()
+
+
+def hold(goals: Goals, flying: Mask, estimate: Estimate, speed: float) -> Goals:
+    """Return goals in which flying agents, (N,), without a goal hold their positions."""
+    rows = flying & ~goals.active
+    if not some(rows):
+        return goals
+    draft = GoalDraft(goals)
+    draft.hold(rows, estimate, speed)
+    return draft.finish()
+
+
+class Draft:
+    """Instructions that one stage of a tick makes or adds to, before it returns them.
+
+    Args:
+        instructions: Those to start from.
+
+    Attributes:
+        goals: Of all agents.
+        commands: As in `Instructions`, like the next three.
+        doing: The running steps.
+        leave: Agents that are to land and leave the mission.
+        free: Agents whose step is over or that left it.
+    """
+
+    def __init__(self, instructions: Instructions) -> None:
+        self.goals = GoalDraft(instructions.goals)
+        self.commands = [*instructions.commands]
+        self.doing = [*instructions.doing]
+        self.leave = {*instructions.leave}
+        self.free = {*instructions.free}
+
+    def add(
+        self, answer: object, own: Mask, trajectories: Collection[Trajectory] = ()
+    ) -> TaskOutput:
+        """Merge a task's output, which may be about its own agents only, and return it.
+
+        Args:
+            answer: The output.
+            own: (N,) the task's agents.
+            trajectories: Those that have been uploaded.
+
+        Raises:
+            ContractError: It is no `TaskOutput`, is about others, has another number of rows, is
+                not finite, or orders a trajectory that was not uploaded.
+        """
+        output = require_type(answer, TaskOutput)
+        if not isinstance(output.status, Status):
+            raise ContractError(f"TaskOutput.status is {output.status!r}, expected a Status")
+        for command in output.commands:
+            _check_command(require_type(command, Command), own, trajectories)
+        if output.goals is not None:
+            goals = require_type(output.goals, Goals)
+            self.goals.take(goals, _checked_rows(goals, own))
+        self.commands += output.commands
+        return output
+
+    def finish(self) -> Instructions:
+        """Return the instructions, which do not change any more."""
+        return Instructions(
+            self.goals.finish(),
+            tuple(self.commands),
+            tuple(self.doing),
+            frozenset(self.leave),
+            frozenset(self.free),
+        )
+
+
+def _checked_rows(goals: Goals, own: Mask) -> Rows:
+    """Return the rows of the agents that have goals."""
+    require_rows(goals, len(goals.active), len(own))
+    if some(goals.active > own):
+        raise ContractError("has goals for agents that are not its own")
+    rows = np.flatnonzero(goals.active)
+    for name in NUMBERS:
+        values = getattr(goals, name)[rows]
+        if not every(np.isfinite(values)):
+            raise ContractError(f"Goals.{name} is {values.tolist()!r}, expected numbers")
+    if some(goals.speed[rows] < 0):
+        raise ContractError(f"Goals.speed is {goals.speed.tolist()!r}, expected 0 or more")
+    return rows
+
+
+def _check_command(command: Command, own: Mask, trajectories: Collection[Trajectory]) -> None:
+    agents, rows = command.agent.tolist(), np.flatnonzero(own).tolist()
+    if not set(agents) <= set(rows):
+        raise CommandError(f"commands agents {agents!r}, its own are {tuple(rows)!r}")
+    if command.trajectory is not None and command.trajectory not in trajectories:
+        raise CommandError(
+            "orders a trajectory that no task had among its trajectories before take-off"
+        )
