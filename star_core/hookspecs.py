@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from star_core.plugin_support.specs import (
         AvoiderSpec,
         CommandSpec,
+        FileKindSpec,
         KindSpec,
         LocalizerSpec,
         PlannerSpec,
@@ -90,6 +91,26 @@ def star_commands(registry: Registry) -> Iterable[CommandSpec]:  # type: ignore[
 @hookspec
 def star_run_options(registry: Registry) -> Iterable[RunOptionSpec]:  # type: ignore[empty-body]
     """Offer switches of ``star run``, each of which adds an observer to the flight."""
+
+
+@hookspec
+def star_file_kinds(registry: Registry) -> Iterable[FileKindSpec]:  # type: ignore[empty-body]
+    """Offer kinds of files, for ``star check`` and ``star schema``.
+
+    Example:
+        >>> from star_core import hookimpl
+        >>> from star_core.commands import FileKindSpec
+        >>> @hookimpl
+        ... def star_file_kinds():
+        ...     yield FileKindSpec(
+        ...         name="gripper",
+        ...         summary="A gripper: its fingers.",
+        ...         noun="a gripper",
+        ...         keys=("fingers",),
+        ...         schema=lambda registry: {"properties": {"fingers": {"type": "integer"}}},
+        ...         check=lambda file, registry: f"a gripper of {file.data['fingers']} fingers",
+        ...     )
+    """
 
 
 @hookspec(firstresult=True)

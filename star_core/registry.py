@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any
@@ -257,3 +257,20 @@ def _merged(found: list[Found]) -> Any:
     names = [name for one in found for name in one.offer.options.get("properties", {})]
     options = {"type": "object", "properties": {name: {} for name in names}}
     return replace(first, options=options)
+
+
+def guarded(kind: str, found: Found, function: Callable[..., Any], *arguments: Any) -> Any:
+    """Return the result of a function of a plugin.
+
+    Raises:
+        PluginError: A third party's raised neither `InputError` nor `SystemExit`.
+    """
+    if found.source.own:  # its other errors are bugs, and show their tracebacks
+        return function(*arguments)
+    try:
+        with PluginGuard(f"{kind} {found.offer.name!r} ({found.source})"):
+            return function(*arguments)
+    except PluginError as error:
+        if isinstance(error.__cause__, SystemExit | InputError | BrokenPipeError):
+            raise error.__cause__ from None
+        raise

@@ -96,6 +96,12 @@ class Scene:
         """Name of the agent in each row."""
         return tuple(agent.name for agent in self.agents)
 
+    @property
+    def rows_by_name(self) -> dict[str, tuple[int, ...]]:
+        """Rows by the name of an agent or a group, or ``all``."""
+        rows = {name: (row,) for row, name in enumerate(self.names)}
+        return {**self.groups, **rows, "all": tuple(range(len(rows)))}
+
     def height_fault(self, height: float) -> str | None:
         """Return why no agent can fly at a height (z in the map, m); None if agents can."""
         low, high = self.limits.height

@@ -136,7 +136,7 @@ def test_every_yaml_block_is_checked(block: Block, capsys: pytest.CaptureFixture
     content = loaded(block.text)
     keys = {*content} if isinstance(content, dict) else set()
     if "factors" in keys:
-        schema = json.loads((ROOT / "schemas" / "study.schema.json").read_text())
+        schema = json.loads((ROOT / "plugins/commands/star_ablate/study.schema.json").read_text())
         Draft202012Validator(schema).validate(content)
         return
     whole = bool(keys & {"fence", "parameters", "faults"}) or {"swarm", "world", "mission"} <= keys

@@ -1,6 +1,5 @@
 # The public names of `star_core.commands` and their modules, listed once.
 
-from star_core.commands.command_line import guarded as guarded
 from star_core.commands.command_line import run_command as run_command
 from star_core.commands.error_codes import error_catalogue as error_catalogue
 from star_core.commands.output import add_set_option as add_set_option
@@ -14,9 +13,6 @@ from star_core.metrics.records import split_timing as split_timing
 from star_core.mission_file.check_file import check_file as check_file
 from star_core.mission_file.editor_schema import editor_schema as editor_schema
 from star_core.mission_file.error_messages import flow as flow
-from star_core.mission_file.fault_file import Fault as Fault
-from star_core.mission_file.fault_file import faults_of as faults_of
-from star_core.mission_file.fault_file import read_faults as read_faults
 from star_core.mission_file.input_file import file_description as file_description
 from star_core.mission_file.input_file import shipped_files as shipped_files
 from star_core.mission_file.located import Value as Value
@@ -26,7 +22,11 @@ from star_core.plugin_support.discovery import Source as Source
 from star_core.plugin_support.option_schema import PARTS as PARTS
 from star_core.plugin_support.option_schema import SHARED as SHARED
 from star_core.plugin_support.specs import CommandSpec as CommandSpec
+from star_core.plugin_support.specs import FileKindSpec as FileKindSpec
 from star_core.plugin_support.specs import RunOptionSpec as RunOptionSpec
+from star_core.plugin_support.specs import SourceFile as SourceFile
 from star_core.registry import Found as Found
+from star_core.registry import guarded as guarded
+from star_core.scene import inside as inside
 
 __all__: list[str]  # noqa: PYI035 -- of all names above

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import argparse
 import re
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
-from star_core.errors import InputError, PluginError, suggestion
-from star_core.plugin_support.guard import PluginGuard
+from star_core.errors import InputError, suggestion
+from star_core.registry import guarded
 
 if TYPE_CHECKING:
     from star_core.plugin_support.specs import CommandSpec
-    from star_core.registry import Found, Registry
+    from star_core.registry import Registry
 
 
 def run_command(name: str, arguments: Sequence[str], registry: Registry) -> int:
@@ -55,20 +55,3 @@ def parse(spec: CommandSpec, arguments: Sequence[str]) -> argparse.Namespace:
         hint = suggestion(unknown[0], known, "there are")
         raise InputError(f"unknown option {unknown[0]!r}{hint}", "unknown-option")
     return options
-
-
-def guarded(kind: str, found: Found, function: Callable[..., Any], *arguments: Any) -> Any:
-    """Return the result of a function of a plugin.
-
-    Raises:
-        PluginError: A third party's raised neither `InputError` nor `SystemExit`.
-    """
-    if found.source.own:  # its other errors are bugs, and show their tracebacks
-        return function(*arguments)
-    try:
-        with PluginGuard(f"{kind} {found.offer.name!r} ({found.source})"):
-            return function(*arguments)
-    except PluginError as error:
-        if isinstance(error.__cause__, SystemExit | InputError | BrokenPipeError):
-            raise error.__cause__ from None
-        raise

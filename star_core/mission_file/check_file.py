@@ -1,4 +1,4 @@
-"""Checks a file: a mission, steps, a world, a camera or faults."""
+"""Checks a file of any kind."""
 
 from __future__ import annotations
 
@@ -7,15 +7,12 @@ from pathlib import Path
 
 from star_core.errors import InputError
 from star_core.mission_file import schema
-from star_core.mission_file.fault_file import check_faults
 from star_core.mission_file.includes import check_alone
 from star_core.mission_file.input_file import kind_of, lacking, override, read
 from star_core.mission_file.located import Document
 from star_core.mission_file.mission_loader import checked
-from star_core.mission_file.world_loader import world
-from star_core.plugin_support.specs import Problem
-from star_core.registry import Registry
-from star_core.world.camera import camera_faults
+from star_core.plugin_support.specs import FileKindSpec, Problem
+from star_core.registry import Registry, guarded
 
 
 def check_file(
@@ -32,9 +29,25 @@ def check_file(
         InputError: Something is wrong with it.
     """
     document = read(path)
-    others = {"steps": _steps, "world": _world, "camera": _camera, "faults": check_faults}
-    if found := others.get(kind_of(document.data)):
-        return f"{path}: {found(override(document, assignments), registry)}", ()
+    kind = registry.find("file_kind", kind_of(document.data, registry))
+    if kind.offer.name == "steps":
+        return f"{path}: {_steps(override(document, assignments), registry)}", ()
+    if kind.offer.check is None:
+        return _mission(path, document, assignments, registry)
+    document = override(document, assignments)
+    return f"{path}: {guarded('file kind', kind, _checked, document, kind.offer, registry)}", ()
+
+
+def _checked(document: Document, kind: FileKindSpec, registry: Registry) -> str:
+    """Check a file of a kind that is neither a mission nor steps."""
+    if kind.schema is not None and (found := schema.problems(document, kind.schema(registry))):
+        raise InputError(found)
+    return kind.check(document, registry) if kind.check is not None else kind.noun
+
+
+def _mission(
+    path: Path, document: Document, assignments: Sequence[str], registry: Registry
+) -> tuple[str, Sequence[str]]:
     mission = checked(document, registry, assignments)
     found_by_plugins = registry.manager.hook.star_check(mission=mission, registry=registry)
     problems: list[Problem] = [problem for own in found_by_plugins for problem in own]
@@ -54,20 +67,3 @@ def _steps(document: Document, registry: Registry) -> str:
     many = "steps" if steps > 1 else "step"
     values = f", with a value for {needed}" * bool(needed)
     return f"{steps} {many} for missions to include{values}{lacking(document)}"
-
-
-def _world(document: Document, _registry: Registry) -> str:
-    """Check a world, whatever mission is flown in it."""
-    if found := schema.problems(document, schema.load("world")):
-        raise InputError(found)
-    return f"{world(document).name!r}, a world that can be flown in"
-
-
-def _camera(document: Document, _registry: Registry) -> str:
-    """Check a camera's file, whatever mission has it."""
-    found = schema.problems(document, schema.load("camera"))
-    if found := found or document.located(
-        Problem(path, message, "invalid-camera") for path, message in camera_faults(document.data)
-    ):
-        raise InputError(found)
-    return f"{document.data['name']!r}, a camera for missions"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Final
 
-from star_core.mission_file.schema import PARAMETER, compose, compose_steps, load
+from star_core.mission_file.schema import PARAMETER
 from star_core.registry import Registry
 
 NO_SCHEMAS: Final = ("const", "default", "enum", "examples")
@@ -31,9 +31,8 @@ _OF_STRINGS: Final = (
 
 def editor_schema(kind: str, registry: Registry) -> dict[str, Any]:
     """Return the JSON Schema of a kind of file for editors, with the options of all plugins."""
-    if kind == "steps":
-        return for_editors(compose_steps(registry.offers()), parameters=True)
-    return for_editors(compose(registry.offers()) if kind == "mission" else load(kind))
+    schema = registry.find("file_kind", kind).offer.schema(registry)
+    return for_editors(schema, parameters=kind == "steps")
 
 
 def for_editors(schema: dict[str, Any], *, parameters: bool = False) -> dict[str, Any]:

@@ -13,22 +13,22 @@ from typing import Any, Final
 
 from star_core.errors import InputError, coded, suggestion
 from star_core.mission_file import schema
-from star_core.mission_file.input_file import Kind
 from star_core.mission_file.located import Document, Mark, Value
 from star_core.mission_file.schema import SIGN, is_parameter
+from star_core.registry import Registry
 from star_core.scene import inside
 
 _COORDINATES: Final = 3
 """Values in a list whose locations are listed in the list's own: a point has no more."""
 
 
-def with_files(document: Document) -> tuple[Document, list[str]]:
+def with_files(document: Document, registry: Registry) -> tuple[Document, list[str]]:
     """Return a mission with its cameras' files and included steps put in, and the problems.
 
     Included steps become a ``repeat`` of one time. What cannot be read remains as it is; and so
     does what is not an ``include`` or a ``file`` by the schema, which then reports it.
     """
-    files = _Files(document)
+    files = _Files(document, registry)
     data = dict(document.root.map())
     if "cameras" in data:
         data["cameras"] = files.cameras(data["cameras"])
@@ -61,8 +61,9 @@ def check_alone(document: Document, composed: Mapping[str, Any]) -> None:
 class _Files:
     """Reads the files of a mission, each once, and puts their content into it."""
 
-    def __init__(self, mission: Document) -> None:
+    def __init__(self, mission: Document, registry: Registry) -> None:
         self.problems: list[str] = []
+        self._registry = registry
         self._folder = mission.path.parent
         self._read: dict[tuple[str, Path], Document] = {}
 
@@ -138,7 +139,7 @@ class _Files:
                 values[name] = replace(value, data=f"{SIGN}{name}")  # it is reported once
         return values
 
-    def _file(self, name: Value, kind: Kind, chain: tuple[Path, ...] = ()) -> Document | None:
+    def _file(self, name: Value, kind: str, chain: tuple[Path, ...] = ()) -> Document | None:
         """Return a file that the mission names; None, with a problem, if it cannot be used."""
         if not isinstance(name.data, str):
             return None
@@ -156,7 +157,9 @@ class _Files:
             return None
         if (kind, path) not in self._read:
             try:
-                document = schema.read_as(self._folder / name.data, kind)
+                document = schema.read_fitting(
+                    self._folder / name.data, kind, schema.load(kind), self._registry
+                )
             except InputError as error:
                 self.problems += error.problems
                 return None

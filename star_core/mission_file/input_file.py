@@ -7,47 +7,15 @@ from dataclasses import replace
 from functools import cache
 from itertools import takewhile
 from pathlib import Path
-from typing import Any, Final, Literal, TypeAlias
+from typing import Any, Final
 
 from star_core.errors import InputError, printable, suggestion
 from star_core.mission_file.located import Document, Mark, Value, shown
 from star_core.mission_file.yaml_reader import parse, read_yaml
 from star_core.plugin_support.option_schema import PARTS
+from star_core.registry import Registry
 
-Kind: TypeAlias = Literal[
-    "mission", "steps", "world", "camera", "study", "faults", "crazyswarm2", "original STAR"
-]
-
-NAMES: Final[Mapping[Kind, str]] = {
-    "mission": "a mission",
-    "steps": "a file of steps",
-    "world": "a world",
-    "camera": "a camera",
-    "study": "a study",
-    "faults": "a file of faults",
-    "crazyswarm2": "a file of Crazyswarm2",
-    "original STAR": "a file of the original STAR",
-}
-_OWN: Final[Mapping[Kind, set[str]]] = {  # keys that only these files have
-    "mission": {"world", "swarm", "agents", "drones", *PARTS},  # `agents` is meant for `swarm`
-    "study": {"missions", "factors", "measures"},
-    "faults": {"faults"},
-    "world": {"fence", "obstacles", "landmarks", "targets"},
-    "camera": {"width", "height", "matrix", "distortion", "position", "exposure", "readout"}
-    | {"roll_deg", "pitch_deg", "yaw_deg"},
-    "crazyswarm2": {"robots", "robot_types", "fileversion"},
-    "original STAR": {"command_sequence", "environment", "april_tags"},
-}
 _NEEDED: Final = ("world", "swarm", *PARTS)  # what steps lack to be a mission
-_IMPORTED: Final = "`star import` turns it into a mission and a world"
-_HINTS: Final[Mapping[tuple[Kind, Kind], str]] = {  # by what a file is, and what is expected
-    ("steps", "mission"): "name a mission that includes it",
-    ("world", "mission"): "name a mission that is flown in it",
-    ("camera", "mission"): "name a mission that has it",
-    ("study", "mission"): "`star ablate` checks and flies it",
-    ("faults", "mission"): "`star run MISSION --faults FILE` injects them",
-    ("mission", "study"): "`star run` flies it",
-}
 
 
 def read(path: Path) -> Document:
@@ -106,48 +74,45 @@ def file_description(file: Path) -> str:
     return text.partition(". ")[0].removesuffix(".")
 
 
-def kind_of(data: Mapping[str, Any]) -> Kind:
-    """Return what a file is meant to be, by its keys; a mission if it could be anything.
+def kind_of(data: Mapping[str, Any], registry: Registry) -> str:
+    """Return the name of what a file is meant to be, by its keys; a mission if it may be that.
 
-    Steps for missions to include have ``parameters``, however misspelt, or no key of a mission but
-    ``mission`` itself.
+    It is of the kind with most of its keys or, of several, the one that most of the unknown keys
+    resemble.
     """
-    keys = set(data)
-    if keys & _OWN["faults"]:
-        return "faults"
-    more = keys - {"star", "name", "mission"}
-    if keys & _OWN["mission"]:
-        return "mission"
-    unknown = more.difference(*_OWN.values())
-    if any(suggestion(key, ["parameters"]) for key in unknown) or ("mission" in keys and not more):
+    keys = set(data) - {"star", "name"}
+    if keys == {"mission"}:
         return "steps"
-    if "mission" in keys:
-        return "mission"
-    for kind, own in _OWN.items():
-        if keys & own:
-            return kind
-    kinds: tuple[Kind, ...] = ("world", "camera")
-    return next((k for k in kinds if any(suggestion(key, _OWN[k]) for key in more)), "mission")
+    kinds = dict(registry.offers()["file_kind"])
+    kinds = {"mission": kinds.pop("mission"), **kinds}
+    counts = {name: len(keys.intersection(kind.keys)) for name, kind in kinds.items()}
+    likely = [name for name in kinds if counts[name] == max(counts.values())]
+    if len(likely) == 1:
+        return likely[0]
+    unknown = keys.difference(*(kind.keys for kind in kinds.values()))
+    return max(
+        likely, key=lambda name: sum(bool(suggestion(key, kinds[name].keys)) for key in unknown)
+    )
 
 
-def require_kind(document: Document, expected: Kind) -> None:
+def require_kind(document: Document, expected: str, registry: Registry) -> None:
     """Require that a file is not clearly of another kind.
 
     Raises:
         InputError: It is; states which.
     """
-    data, kind = document.data, kind_of(document.data)
-    clear = kind == "steps" or not _OWN[kind].isdisjoint(data)
-    if kind == expected or (expected != "mission" and not clear):
+    data, kinds = document.data, registry.offers()["file_kind"]
+    name = kind_of(data, registry)
+    kind = kinds[name]
+    clear = name == "steps" or not {*data}.isdisjoint({*kind.keys} - {"mission"})
+    if name == expected or (expected != "mission" and not clear):
         return
-    hint = _HINTS.get(
-        (kind, expected), _IMPORTED if kind in {"crazyswarm2", "original STAR"} else ""
-    )
-    if (kind, expected) == ("mission", "world") and data.get("world") != document.path.name:
+    hint = kind.hints.get(expected, "")
+    if (name, expected) == ("mission", "world") and data.get("world") != document.path.name:
         hint = f"its world is {data.get('world')!r}"
     hint = f"; {hint}" if hint else ""
-    hint += lacking(document) if (kind, expected) == ("steps", "mission") else ""
-    text = f"this is {NAMES[kind]}, expected {NAMES[expected]}{hint}"
+    hint += lacking(document) if (name, expected) == ("steps", "mission") else ""
+    text = f"this is {kind.noun}, expected {kinds[expected].noun}{hint}"
     raise document.root.wrong(text, "wrong-file")
 
 

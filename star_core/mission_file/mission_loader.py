@@ -55,12 +55,12 @@ def checked(written: Document, registry: Registry, assignments: Sequence[str] = 
     Raises:
         InputError: The mission or its world cannot be flown; every reason found is listed.
     """
-    require_kind(written, "mission")
+    require_kind(written, "mission", registry)
     composed = schema.compose(registry.offers())
-    document, problems = with_files(override(written, assignments))
+    document, problems = with_files(override(written, assignments), registry)
     faults = schema.faults(document, composed)
     problems += schema.located(document, faults)
-    world, room = _world(document, problems)
+    world, room = _world(document, problems, registry)
     refused = Refused(faults)
     data = sound_parts(document.data, refused, composed)
     if data is None:
@@ -91,7 +91,9 @@ def checked(written: Document, registry: Registry, assignments: Sequence[str] = 
     )
 
 
-def _world(document: Document, problems: list[str]) -> tuple[Document | None, World | None]:
+def _world(
+    document: Document, problems: list[str], registry: Registry
+) -> tuple[Document | None, World | None]:
     """Return the world that a mission names, read and made; its mistakes join `problems`."""
     name = document.data.get("world")
     if not isinstance(name, str) or not name:
@@ -102,7 +104,7 @@ def _world(document: Document, problems: list[str]) -> tuple[Document | None, Wo
         problems.append(document.problem(("world",), str(error)))
         return None, None
     try:
-        world = schema.read_as(path, "world")
+        world = schema.read_as(path, "world", registry)
         return world, world_loader.world(world)
     except InputError as error:
         problems += error.problems

@@ -12,10 +12,11 @@ from typing import TYPE_CHECKING, Any, Final
 from urllib.parse import quote, unquote
 
 from star_core.errors import InputError
-from star_core.mission_file.input_file import Kind, read, require_kind
+from star_core.mission_file.input_file import read, require_kind
 from star_core.mission_file.located import Document, Location
 from star_core.plugin_support.option_schema import PARTS, SHARED, references
 from star_core.plugin_support.specs import MissionSpec
+from star_core.registry import Registry
 
 if TYPE_CHECKING:
     from jsonschema import ValidationError
@@ -47,15 +48,27 @@ def load(name: str) -> dict[str, Any]:
     return schema
 
 
-def read_as(path: Path, name: Kind) -> Document:
-    """Read the YAML file at `path` and hold it to ``schemas/<name>.schema.json``.
+def read_as(path: Path, kind: str, registry: Registry) -> Document:
+    """Read the YAML file at `path` and require that it fits the schema of its kind.
+
+    Args:
+        path: The file.
+        kind: Name of a `FileKindSpec` with a schema.
+        registry: Registry of the file kinds.
 
     Raises:
-        InputError: It cannot be read or does not fit; every reason found is listed, with its place.
+        InputError: It cannot be read, is of another kind or does not fit the schema; lists every
+            reason with its location.
     """
+    schema = registry.find("file_kind", kind).offer.schema(registry)
+    return read_fitting(path, kind, schema, registry)
+
+
+def read_fitting(path: Path, kind: str, schema: Mapping[str, Any], registry: Registry) -> Document:
+    """Read a file as `read_as` does, for another schema than that of its kind."""
     document = read(path)
-    require_kind(document, name)
-    if found := problems(document, load(name)):
+    require_kind(document, kind, registry)
+    if found := problems(document, schema):
         raise InputError(found)
     return document
 

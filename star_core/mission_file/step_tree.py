@@ -150,8 +150,7 @@ class StepBuilder:
         self._refused = refused
         self._uncertain = uncertain
         self._registry = registry
-        rows = {name: (row,) for row, name in enumerate(scene.names)}
-        self._groups: Groups = {**scene.groups, **rows, "all": tuple(range(len(rows)))}
+        self._groups: Groups = scene.rows_by_name
 
     def build(self) -> tuple[Node, ...]:
         """Return the steps of the mission."""

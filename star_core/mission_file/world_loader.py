@@ -11,8 +11,7 @@ from itertools import combinations, pairwise
 from typing import Any, Final
 
 from star_core.errors import InputError
-from star_core.mission_file.located import Document
-from star_core.plugin_support.specs import Problem
+from star_core.plugin_support.specs import Problem, SourceFile
 from star_core.world.outlines import around_circle, box, outline_fault, wall
 from star_core.world.quaternions import Point, moved, turned
 from star_core.world.world import TAG_RIM, TAG_SIZE, Corner, Fence, Obstacle, Tag, World
@@ -25,7 +24,7 @@ FACE: Final = 0.01
 """Distance from a face of an obstacle within which a tag is taken to be stuck on it, m."""
 
 
-def world(document: Document) -> World:
+def world(document: SourceFile) -> World:
     """Return the world that `document`, which fits the schema of worlds, describes.
 
     Raises:

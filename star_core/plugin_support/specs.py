@@ -5,10 +5,11 @@ This module imports no numpy, so that plugins can be listed and missions checked
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Protocol
 
 if TYPE_CHECKING:
     from argparse import ArgumentParser, Namespace
@@ -32,6 +33,33 @@ class Problem(NamedTuple):
     message: str
     code: str = "invalid-option"
     warning: bool = False
+
+
+class SourceFile(Protocol):
+    """A file as read, whose problems are reported with their locations."""
+
+    @property
+    def path(self) -> Path:
+        """The file, as the user named it."""
+
+    @property
+    def data(self) -> dict[str, Any]:
+        """The content: maps, lists, text, numbers, booleans and None."""
+
+    def problem(
+        self, path: tuple[str | int, ...], message: str, code: str = ..., *, key: bool = False
+    ) -> str:
+        """Return ``file:line:column: message [code]``.
+
+        Args:
+            path: Keys and indices from the top of the file to the value.
+            message: What is wrong and what was expected.
+            code: Identifies the kind of mistake.
+            key: Whether it is the key that is wrong.
+        """
+
+    def located(self, problems: Iterable[Problem]) -> list[str]:
+        """Return problems as one line each with its location, in the order of the file."""
 
 
 class StepGoal(NamedTuple):
@@ -258,6 +286,28 @@ class RunOptionSpec(Spec):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class FileKindSpec(Spec):
+    """Announces a kind of file, which ``star check`` and ``star schema`` then accept.
+
+    Attributes:
+        noun: For messages: ``a study``.
+        keys: Keys at the top by which it is recognized: a file is of the kind with most of them.
+        schema: ``schema(registry)`` returns its JSON Schema; None if it has none.
+        check: ``check(file, registry)`` returns in words what a file that fits the schema is good
+            for; it raises `InputError` with every mistake that the schema cannot detect. None if
+            ``star check`` does not accept such files. Import heavy packages in both; `deferred`
+            does.
+        hints: What to do with such a file where one of another kind is expected, by that kind.
+    """
+
+    noun: str
+    keys: Collection[str]
+    schema: Callable[[Registry], dict[str, Any]] | None = None
+    check: Callable[[SourceFile, Registry], str] | None = None
+    hints: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class KindSpec:
     """Adds a kind of plugins, which others offer by the hook ``star_NAMEs``.
 
@@ -278,4 +328,5 @@ SPECS: Mapping[str, type[Spec]] = {
     "task": TaskSpec,
     "command": CommandSpec,
     "run_option": RunOptionSpec,
+    "file_kind": FileKindSpec,
 }

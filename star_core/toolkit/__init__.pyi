@@ -6,6 +6,7 @@ from star_core.errors import suggestion as suggestion
 from star_core.geometry.obstacles import box_edges as box_edges
 from star_core.geometry.obstacles import footprint as footprint
 from star_core.geometry.obstacles import obstacle_meshes as obstacle_meshes
+from star_core.messages.faults import Fault as Fault
 from star_core.messages.position_margin import ALONE_SHARE as ALONE_SHARE
 from star_core.messages.position_margin import MAX_MARGIN_RATIO as MAX_MARGIN_RATIO
 from star_core.messages.position_margin import YIELD_TIME as YIELD_TIME

@@ -32,6 +32,7 @@ from star_core import (
     hookimpl,
 )
 from star_core.mission import Mission
+from star_core.mission_file import file_kinds
 from star_core.mission_file.mission_loader import load
 from star_core.plugin_support.discovery import Source
 from star_core.plugin_support.specs import SPECS
@@ -178,7 +179,7 @@ class Lab:
         self.events: list[star.Event] = []
         self.phases: list[tuple[float, str | None, str]] = []
         self.summaries: list[Mapping[str, Any]] = []
-        self.registry = Registry(installed=False)
+        self.registry = Registry(file_kinds, installed=False)
         self.registry.add(self, Source("their-dist:lab", "1.2"))
         self._folder = folder
         self._wrong: dict[tuple[str, str], Callable[..., Any]] = {}

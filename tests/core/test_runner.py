@@ -29,6 +29,7 @@ from star_core.execution.landing import (
     MIN_LAND_TIME,
     MIN_LAND_TIME_PER_HEIGHT,
 )
+from star_core.mission_file import file_kinds
 from star_core.plugin_support.discovery import Source
 from star_core.registry import Registry
 from star_core.runner import outcome_of
@@ -96,7 +97,7 @@ def test_a_mission_that_goes_well_is_completed(lab: Lab) -> None:
 @pytest.mark.parametrize("realtime", [False, True])
 def test_every_part_receives_whether_time_goes_on_by_itself(lab: Lab, *, realtime: bool) -> None:
     lab.realtime = realtime
-    lab.registry = Registry(installed=False)
+    lab.registry = Registry(file_kinds, installed=False)
     lab.registry.add(lab, Source("their-dist:lab"))
     assert lab.load().scene.realtime is realtime
 
@@ -123,7 +124,7 @@ def test_objects_of_before_a_flight_in_real_time_are_not_collected_in_it(
 ) -> None:
     frozen = Frozen()
     lab.realtime = realtime
-    lab.registry = Registry(installed=False)
+    lab.registry = Registry(file_kinds, installed=False)
     lab.registry.add(lab, Source("their-dist:lab"))
     lab.registry.add(frozen, Source("their-dist:frozen"))
     fly(lab.load(PLACES), lab.registry)

@@ -18,10 +18,10 @@ from unittest.mock import patch
 from star_ablate.reading import read as read_study
 from star_core.errors import InputError, code_of
 from star_core.mission_file import schema
-from star_core.mission_file.fault_file import read_faults
 from star_core.mission_file.mission_loader import load
 from star_core.registry import Registry
 from star_core.scene import Scene
+from star_faults.fault_file import read_faults
 from star_verbs.follow.files import read_trajectory, read_waypoints
 from tests.commands import command
 from tests.fuzz.harness import Draw, Target, Try
@@ -115,7 +115,7 @@ def faults(folder: Path) -> Iterator[Try]:
 
     def attempt(draw: Draw) -> str:
         path.write_bytes(spoiled(original, draw))
-        return outcome(lambda: read_faults(path, scene))
+        return outcome(lambda: read_faults(path, scene, registry()))
 
     yield attempt
 

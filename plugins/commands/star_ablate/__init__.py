@@ -5,7 +5,20 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from star_core import deferred, hookimpl
-from star_core.commands import CommandSpec
+from star_core.commands import CommandSpec, FileKindSpec
+
+
+@hookimpl
+def star_file_kinds() -> Iterator[FileKindSpec]:
+    yield FileKindSpec(
+        name="study",
+        summary="A study: missions, levels of factors, seeds and measures.",
+        noun="a study",
+        keys=("missions", "factors", "measures"),
+        schema=deferred("star_ablate.reading:schema"),
+        check=deferred("star_ablate.reading:check"),
+        hints={"mission": "`star ablate` checks and flies it"},
+    )
 
 
 @hookimpl

@@ -10,7 +10,7 @@ from typing import Any, Final, TypeAlias
 
 from star_ablate.study import COLUMNS, Condition, Study
 from star_core import InputError, Mission, Problem, Registry, load
-from star_core.commands import read_as
+from star_core.commands import SourceFile, read_as
 from star_core.toolkit import Progress, suggestion
 
 MEASURES: Final = (
@@ -40,7 +40,29 @@ def read(path: Path, registry: Registry, seeds: int | None = None) -> Study:
         InputError: It cannot be read, a mission cannot be flown at some level, or a number of seeds
             is given while each mission has its own; lists every reason.
     """
-    document = read_as(path, "study")
+    return study_of(read_as(path, "study", registry), registry, seeds)
+
+
+def schema(_registry: Registry) -> dict[str, Any]:
+    """Return the schema of studies."""
+    file = Path(__file__).with_name("study.schema.json")
+    content: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
+    return content
+
+
+def check(document: SourceFile, registry: Registry) -> str:
+    """Return what a study flies, in words.
+
+    Raises:
+        InputError: As `study_of`.
+    """
+    study = study_of(document, registry)
+    runs = len(list(study.runs()))
+    return f"{study.name!r}, a study of {runs} run{'s' * (runs > 1)}"
+
+
+def study_of(document: SourceFile, registry: Registry, seeds: int | None = None) -> Study:
+    """Return the study of a file that fits the schema; arguments and errors are those of `read`."""
     path, data = document.path, document.data
     factors: Factors = data.get("factors", {})
     files = [path.parent / name for name in data["missions"]]
@@ -106,7 +128,7 @@ def _factor_problems(factors: Factors) -> Iterator[Problem]:
 
 
 def _conditions(
-    files: Sequence[Path], factors: Factors, registry: Registry, document: Any
+    files: Sequence[Path], factors: Factors, registry: Registry, document: SourceFile
 ) -> list[Condition]:
     """Load every mission at every combination of levels.
 
@@ -143,7 +165,11 @@ def _with_level(problem: str, level: str) -> str:
 
 
 def _load(
-    file: Path, levels: Mapping[str, str], factors: Factors, registry: Registry, document: Any
+    file: Path,
+    levels: Mapping[str, str],
+    factors: Factors,
+    registry: Registry,
+    document: SourceFile,
 ) -> Mission:
     """Load a mission with the overrides of its levels, whose problems are located in the study."""
     settings = {

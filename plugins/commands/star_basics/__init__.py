@@ -31,7 +31,7 @@ def star_commands(registry: Registry) -> Iterator[CommandSpec]:
     )
     yield CommandSpec(
         name="check",
-        summary="Check a mission, or steps, a world, a camera or faults.",
+        summary="Check a file: a mission, a world, a study or another.",
         configure=deferred("star_basics.check:configure"),
         run=deferred("star_basics.check:run"),
         group="Author",
@@ -53,7 +53,7 @@ def star_commands(registry: Registry) -> Iterator[CommandSpec]:
     yield CommandSpec(
         name="schema",
         summary="Write a schema for an editor.",
-        configure=deferred("star_basics.schema:configure"),
+        configure=partial(deferred("star_basics.schema:configure"), registry),
         run=deferred("star_basics.schema:run"),
         group="Author",
     )

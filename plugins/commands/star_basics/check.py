@@ -12,7 +12,7 @@ from star_core.toolkit import Progress, log
 
 def configure(line: ArgumentParser) -> None:
     """Add the options of the command."""
-    add_mission(line, "; or steps, a world, a camera, faults")
+    add_mission(line, "; or another kind of file of `star schema`")
 
 
 def run(options: Namespace, registry: Registry) -> int:

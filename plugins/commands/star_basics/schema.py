@@ -10,13 +10,14 @@ from star_core import Registry
 from star_core.commands import editor_schema, writing
 
 
-def configure(line: ArgumentParser) -> None:
+def configure(registry: Registry, line: ArgumentParser) -> None:
     """Add the options of the command."""
+    kinds = registry.offers()["file_kind"].values()
     line.add_argument(
         "of",
         nargs="?",
         default="mission",
-        choices=["mission", "steps", "world", "camera", "study", "faults"],
+        choices=[kind.name for kind in kinds if kind.schema is not None],
         help="kind of file: %(default)s",
     )
     line.add_argument("--out", metavar="FILE", help="write to FILE instead of printing")

@@ -22,7 +22,7 @@ MIN_CORNERS: Final = 3  # inner corners each way, for OpenCV to find the pattern
 MIN_COVERAGE: Final = 0.75  # of the image's cells: with less its edges are uncertain
 
 
-def run(options: argparse.Namespace, _registry: Registry) -> int:
+def run(options: argparse.Namespace, registry: Registry) -> int:
     """Calibrate a camera and return the exit status, 0.
 
     Raises:
@@ -31,7 +31,7 @@ def run(options: argparse.Namespace, _registry: Registry) -> int:
     board = _board(options.board, options.square)
     name = _name(options.name, options.out)
     if options.out is not None:
-        _check_replaceable(Path(options.out))
+        _check_replaceable(Path(options.out), registry)
     views = find_views(options.images, board, options.pixels)
     with Progress("calibrating"):
         lens = solve(views, board)
@@ -153,14 +153,14 @@ def _name(given: str | None, out: str | None) -> str:
     return given
 
 
-def _check_replaceable(out: Path) -> None:
+def _check_replaceable(out: Path, registry: Registry) -> None:
     """Refuse to overwrite a file that is not a camera."""
     if out.is_dir():
         raise InputError(f"--out {out}: cannot be written: Is a directory", "unwritable-file")
     if not out.exists():
         return
     try:
-        read_as(out, "camera")
+        read_as(out, "camera", registry)
     except InputError as error:
         reason = f"--out {out}: it exists and is not a camera; name another file"
         raise InputError(reason, "unwritable-file") from error

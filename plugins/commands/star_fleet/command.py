@@ -15,7 +15,6 @@ from types import FrameType
 from typing import TYPE_CHECKING, Any
 
 from star_core import InputError, Mission, PluginError, Registry, load
-from star_core.commands import read_faults
 from star_core.toolkit import fill_defaults
 from star_sim import OPTIONS, simulator_arguments
 
@@ -56,7 +55,8 @@ def run(options: argparse.Namespace, registry: Registry) -> int:
             )
         opened.callback(fleet.close)
         if options.faults:
-            fleet.inject(read_faults(Path(options.faults), scene))
+            injects = registry.find("run_option", "faults").offer
+            fleet.inject(injects.make(mission, registry, options.faults).faults)
         if options.tcp is not None or cameras is not None:
             from star_fleet.aideck import Wifi  # image compression is slow to import
         if options.tcp is not None:

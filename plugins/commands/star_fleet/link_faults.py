@@ -15,7 +15,7 @@ from typing import Final, TypeAlias
 
 import numpy as np
 
-from star_core.commands import Fault
+from star_core.toolkit import Fault
 
 GRAIN: Final = 1e-6  # s, by which sums of times may be off
 

@@ -13,7 +13,7 @@ from typing import Any, Final, Self, TypeAlias
 import numpy as np
 
 from star_core import Agent, Frames, Image, InputError, PluginError, Scene
-from star_core.commands import Fault
+from star_core.toolkit import Fault
 from star_fleet.craft import Craft
 from star_fleet.link_faults import NO_FAULTS, Direction, FaultyLinks, LinkFaults
 from star_fleet.ports import Client, Ports

@@ -5,7 +5,30 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from star_core import deferred, hookimpl
-from star_core.commands import CommandSpec
+from star_core.commands import CommandSpec, FileKindSpec
+
+_HINTS = dict.fromkeys(
+    ("mission", "world", "study", "faults"),
+    "`star import` turns it into a mission and a world",
+)
+
+
+@hookimpl
+def star_file_kinds() -> Iterator[FileKindSpec]:
+    yield FileKindSpec(
+        name="crazyswarm2",
+        summary="Crazyswarm2's robots.",
+        noun="a file of Crazyswarm2",
+        keys=("robots", "robot_types", "fileversion"),
+        hints=_HINTS,
+    )
+    yield FileKindSpec(
+        name="original-star",
+        summary="Commands or environment of the original STAR.",
+        noun="a file of the original STAR",
+        keys=("command_sequence", "environment", "april_tags"),
+        hints=_HINTS,
+    )
 
 
 @hookimpl

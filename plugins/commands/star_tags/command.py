@@ -15,7 +15,7 @@ from star_tags.sheet import PAPERS
 from star_tags.world import pages
 
 
-def run(options: argparse.Namespace, _registry: Registry) -> int:
+def run(options: argparse.Namespace, registry: Registry) -> int:
     """Write the tags of a world and return the exit status, 0.
 
     Raises:
@@ -28,7 +28,7 @@ def run(options: argparse.Namespace, _registry: Registry) -> int:
             f"--out {out}: expected a name that ends in .pdf or .svg", "invalid-argument"
         )
     with writing(f"--out {out}"), Progress("drawing the tags"):
-        found = pages(world, options.paper)
+        found = pages(world, options.paper, registry)
         files = _write(found, out)
     sys.stdout.write(f"{len(found)} tags on {options.paper}: {', '.join(map(str, files))}\n")
     return 0

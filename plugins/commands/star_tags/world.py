@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from star_core import InputError
+from star_core import InputError, Registry
 from star_core.commands import read_as
 from star_core.toolkit import TAG_RIM, TAG_SIZE
 from star_tags.page import Page
@@ -15,14 +15,14 @@ from star_tags.sheet import Sheet, lay_out
 KINDS: Final = {"landmarks": "landmark", "targets": "target"}
 
 
-def pages(path: Path, paper: str) -> list[tuple[int, Page]]:
+def pages(path: Path, paper: str, registry: Registry) -> list[tuple[int, Page]]:
     """Return the number and the page of every tag in the world at `path`.
 
     Raises:
         InputError: It cannot be read, has no tags or two with the same number, or a tag does not
             fit the paper; lists every reason.
     """
-    document = read_as(path, "world")
+    document = read_as(path, "world", registry)
     problems = []
     found: dict[int, tuple[Page, str]] = {}
     for place, name, sheet in _sheets(document.data):

@@ -12,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 
 from star_core import Flight, Operator, PluginError, Scene, World, hookimpl
-from star_core.commands import Fault
+from star_core.toolkit import Fault
 from star_faults.links import ReportFaults, SendFaults
 from star_faults.outputs import OutputFaults
 
@@ -35,11 +35,14 @@ class FaultInjector:
         scene: Of the mission.
         faults: To inject.
         file: The fault file, which is copied into the record.
+
+    Attributes:
+        faults: As above.
     """
 
     def __init__(self, scene: Scene, faults: Sequence[Fault], file: bytes = b"") -> None:
         self._scene = scene
-        self._faults = faults
+        self.faults = faults
         self._file = file
         self._randoms = [np.random.default_rng([scene.seed, _STREAM, one.number]) for one in faults]
         self._now = 0.0
@@ -96,7 +99,7 @@ class FaultInjector:
         """Return the faults of some components, with their random numbers."""
         return [
             (fault, random)
-            for fault, random in zip(self._faults, self._randoms, strict=True)
+            for fault, random in zip(self.faults, self._randoms, strict=True)
             if fault.component in components
             and all(fault.values[key] == value for key, value in values.items())
         ]
@@ -143,7 +146,7 @@ class FaultInjector:
 
     def _begin_and_end(self) -> None:
         """Report which faults begin and end, and stop the program if that is one."""
-        for number, fault in enumerate(self._faults):
+        for number, fault in enumerate(self.faults):
             rows = fault.rows(self._now)
             begun = [row for row in rows if row not in self._active[number]]
             ended = [row for row in self._active[number] if row not in rows]

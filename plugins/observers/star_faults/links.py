@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from star_core import Array, Command, Mask, Odometry, Scene, Setpoint, Telemetry
-from star_core.commands import Fault
+from star_core.toolkit import Fault
 from star_faults.tables import Passing, joined, kept
 
 MAX_VOLTAGE: Final = 5.0  # V, of readings that are garbage

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from star_core import TaskOutput
-from star_core.commands import Fault
+from star_core.toolkit import Fault
 from star_faults.tables import Passing, spoiled
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from star_core import Array, Goals, Mask, Plan, Setpoint, TaskOutput, Transform
-from star_core.commands import Fault
+from star_core.toolkit import Fault
 
 
 class Passing:

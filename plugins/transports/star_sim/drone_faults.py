@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from star_core import PluginError
-from star_core.commands import Fault
+from star_core.toolkit import Fault
 from star_sim.drone import Drones
 
 RANDOM_FLOW: Final = 1.0  # m/s, standard deviation of a flow sensor's garbage

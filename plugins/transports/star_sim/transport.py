@@ -27,7 +27,7 @@ from star_core import (
     Trajectory,
     Truth,
 )
-from star_core.commands import Fault
+from star_core.toolkit import Fault
 from star_sim import commander
 from star_sim.aerodynamics import COLUMNS, Wind
 from star_sim.airframe import STEP, STEPS_PER_CYCLE

@@ -204,14 +204,17 @@ def test_a_file_that_is_no_mission_is_not_flown(
     assert said.readouterr() == ("", f"file.yaml:1:1: {fault}\n")
 
 
-def test_a_study_is_checked_by_ablate(said: Said) -> None:
+def test_check_accepts_a_study(said: Said) -> None:
     Path("study.yaml").write_text(STUDY)
+    assert main(["check", "study.yaml", "--set", "seeds=2"]) == 0
+    assert said.readouterr() == ("study.yaml: 'radii', a study of 2 runs\n", "")
+
+
+def test_check_locates_the_mistakes_of_a_study(said: Said) -> None:
+    Path("study.yaml").write_text(STUDY.replace("hop.yaml", "hip.yaml"))
     assert main(["check", "study.yaml"]) == 2
-    wanted = (
-        "study.yaml:1:1: this is a study, expected a mission; `star ablate` checks and flies it "
-        "[wrong-file]\n"
-    )
-    assert said.readouterr() == ("", wanted)
+    fault = "study.yaml:3:12: there is no file 'hip.yaml' from the study's folder"
+    assert said.readouterr().err.startswith(fault)
 
 
 def test_checking_flies_nothing() -> None:

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from star_core import Tick, hookimpl
+from star_core.mission_file import file_kinds
 from star_core.plugin_support.discovery import Source
 from star_core.plugin_support.timing import ComputeTime, compiling
 from star_core.registry import Registry
@@ -133,7 +134,7 @@ def test_where_mission_time_goes_on_by_itself_late_ticks_are_reported_instead(
     lab: Lab, clock: Clock
 ) -> None:
     lab.realtime = True
-    lab.registry = Registry(lab, installed=False)
+    lab.registry = Registry(file_kinds, lab, installed=False)
     lab.spoil("planner", "plan", clock.wasting(9.0))
     summary = lab.fly()
     assert (lab.said("slow"), summary["slow_ticks"]) == ([], {})

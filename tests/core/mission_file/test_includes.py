@@ -9,6 +9,7 @@ import pytest
 from star_core.errors import InputError
 from star_core.mission_file import schema
 from star_core.mission_file.input_file import kind_of
+from star_core.registry import Registry
 from tests.core.conftest import Lab
 
 PATROL = """\
@@ -245,7 +246,7 @@ def test_a_file_that_includes_itself_is_refused(lab: Lab, tmp_path: Path) -> Non
 def test_a_key_of_missions_makes_no_file_of_steps(key: str) -> None:
     data = {"star": 1, "name": "m", "mission": [], key: None}
     is_plain = key in {"star", "name", "mission"}
-    assert kind_of(data) == ("steps" if is_plain else "mission")
+    assert kind_of(data, Registry()) == ("steps" if is_plain else "mission")
 
 
 @pytest.mark.parametrize(
@@ -269,4 +270,4 @@ def test_a_key_of_missions_makes_no_file_of_steps(key: str) -> None:
     ],
 )
 def test_the_kind_of_a_file_follows_from_its_keys(keys: str, kind: str) -> None:
-    assert kind_of(dict.fromkeys(keys.split())) == kind
+    assert kind_of(dict.fromkeys(keys.split()), Registry()) == kind

@@ -11,6 +11,7 @@ import pytest
 
 from star_core.errors import InputError
 from star_core.hookspecs import hookimpl
+from star_core.mission_file import file_kinds
 from star_core.mission_file.mission_loader import load
 from star_core.mission_file.step_tree import rows_of
 from star_core.mission_file.yaml_reader import parse
@@ -115,7 +116,7 @@ def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def registry(plugin: object | None = None) -> Registry:
     """A registry of one plugin, of the distribution ``their-dist``."""
-    only = Registry(installed=False)
+    only = Registry(file_kinds, installed=False)
     only.add(plugin or Parts(), Source("their-dist:parts", "1.2"))
     return only
 

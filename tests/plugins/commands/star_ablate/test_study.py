@@ -8,10 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from star_ablate.reading import MEASURES, SEEDS, read
+from star_ablate.reading import MEASURES, SEEDS, read, schema
 from star_ablate.study import COLUMNS
 from star_core import InputError, Registry
-from star_core.mission_file import schema as schemas
 from star_core.plugin_support import discovery
 
 HOP = "missions: [../hop.yaml]\n"
@@ -263,21 +262,21 @@ def test_what_is_wrong_with_a_mission_at_every_level_is_reported_once(
 
 
 def test_the_schema_has_the_defaults_that_are_used() -> None:
-    properties = schemas.load("study")["properties"]
+    properties = schema(Registry())["properties"]
     assert properties["measures"]["default"] == list(MEASURES)
     assert properties["seeds"]["default"] == SEEDS
 
 
 def test_every_property_of_the_schema_is_described() -> None:
-    waiting = [schemas.load("study")]
+    waiting = [schema(Registry())]
     described = 0
     while waiting:
-        schema = waiting.pop()
-        for part in schema.get("properties", {}).values():
+        rules = waiting.pop()
+        for part in rules.get("properties", {}).values():
             assert part["description"]
             described += 1
             waiting.append(part)
-        waiting += [p for p in [schema.get("additionalProperties")] if isinstance(p, dict)]
+        waiting += [p for p in [rules.get("additionalProperties")] if isinstance(p, dict)]
     assert described >= 9
 
 

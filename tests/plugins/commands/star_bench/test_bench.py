@@ -18,6 +18,7 @@ from star_bench.files import POSITIONS, SETTINGS, WORLDS
 from star_core import AvoiderSpec, InputError, Registry, hookimpl, load
 from star_core.commands import CommandSpec, run_command
 from star_core.commands.main import main as star
+from star_core.mission_file import file_kinds
 from tests.commands import command
 
 main = command("bench")
@@ -220,7 +221,7 @@ def test_an_interrupted_campaign_leaves_a_table_marked_as_incomplete(tmp_path: P
         return 1
 
     plugin = type("Plugin", (), {"star_commands": staticmethod(star_commands)})()
-    registry = Registry(plugin, star_bench, *_parts(), installed=False)
+    registry = Registry(file_kinds, plugin, star_bench, *_parts(), installed=False)
     assert run_command("bench", arguments, registry) == 1
     assert (out / "bench.csv").read_text().count("\n") == 1  # the heading
 

@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 
 from star_core import InputError
-from star_core.commands import faults_of
 from star_core.testing import scene
+from star_faults.fault_file import faults_of
 from star_fleet.link_faults import Direction, FaultyLinks, LinkFaults
 from star_fleet.packet import Port, join
 from tests.simulators import ideal_fleet

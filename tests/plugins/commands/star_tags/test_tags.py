@@ -204,7 +204,7 @@ def test_tags_that_cannot_be_printed_are_reported_with_their_locations(
 ) -> None:
     path = world(tags)
     with pytest.raises(InputError) as caught:
-        pages(path, paper)
+        pages(path, paper, Registry())
     message = str(caught.value).replace(f"{path}:", "")
     assert [words for words in found if words not in message] == []
 

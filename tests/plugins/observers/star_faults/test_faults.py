@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from star_core import AgentPhase, Event, Registry, Tick, fly, hookimpl, load
-from star_core.commands import faults_of
 from star_core.commands.main import main
+from star_faults.fault_file import faults_of
 from star_faults.injector import FaultInjector
 
 ROOM = {

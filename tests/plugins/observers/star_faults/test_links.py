@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from star_core import Agent, Command, Fence, Order, Scene, Setpoint, Tag, Telemetry, World
-from star_core.commands import Fault
+from star_core.toolkit import Fault
 from star_faults.injector import FaultInjector
 from star_faults.links import ReportFaults, SendFaults
 from star_faults.outputs import OutputFaults

@@ -2,58 +2,34 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, Final
 
-from star_core.errors import MAX_LISTED, InputError, suggestion
-from star_core.mission_file import schema
-from star_core.mission_file.located import Document
-from star_core.mission_file.step_tree import rows_of
-from star_core.plugin_support.option_schema import fill_defaults
-from star_core.plugin_support.specs import Problem
-from star_core.scene import Scene, inside
+from star_core import InputError, Problem, Registry, Scene, load
+from star_core.commands import SourceFile, inside, read_as
+from star_core.toolkit import Fault, fill_defaults, suggestion
 
-if TYPE_CHECKING:
-    from star_core.registry import Registry
+SCHEMA: Final = Path(__file__).with_name("faults.schema.json")
+MAX_LISTED: Final = 10  # names in a message
 
 
-@dataclass(frozen=True, slots=True)
-class Fault:
-    """A fault of one component of some agents.
-
-    Attributes:
-        component: Key ``component`` of a fault file.
-        mode: One of PX4's words: off, stuck, garbage, wrong, slow, delayed or intermittent.
-        at: Mission time at which it begins, s.
-        until: By row of the agents that have it: when it ends, s; infinite at the end of the
-            flight.
-        values: The other keys, with their defaults.
-        number: Index in the file, for random numbers.
-    """
-
-    component: str
-    mode: str
-    at: float
-    until: Mapping[int, float]
-    values: Mapping[str, Any]
-    number: int = 0
-
-    def rows(self, time: float) -> tuple[int, ...]:
-        """Return the rows of the agents that have it at a mission time, s."""
-        begun = time >= self.at
-        return tuple(row for row, end in self.until.items() if begun and time < end)
+def schema(_registry: Registry) -> dict[str, Any]:
+    """Return the schema of fault files."""
+    content: dict[str, Any] = json.loads(SCHEMA.read_text(encoding="utf-8"))
+    return content
 
 
-def read_faults(path: Path, scene: Scene) -> tuple[Fault, ...]:
+def read_faults(path: Path, scene: Scene, registry: Registry) -> tuple[Fault, ...]:
     """Return the faults of a flight from a fault file, with the seed's draws of probabilities.
 
     Raises:
         InputError: The file cannot be read, or has agents or landmarks that the scene has not.
     """
-    document = schema.read_as(path, "faults")
+    document = read_as(path, "faults", registry)
     if found := document.located(_problems(document, scene)):
         raise InputError(found)
     return faults_of(document.data["faults"], scene)
@@ -63,12 +39,14 @@ def faults_of(given: list[Mapping[str, Any]], scene: Scene) -> tuple[Fault, ...]
     """Return the faults of a flight from the list of a fault file; it has no mistakes."""
     import numpy as np
 
-    rules = schema.load("faults")["$defs"]["fault"]
-    groups = _groups(scene)
+    rules = json.loads(SCHEMA.read_text(encoding="utf-8"))["$defs"]["fault"]
+    groups = scene.rows_by_name
     made: list[Fault] = []
     for number, keys in enumerate(given):
         values = fill_defaults(keys, rules)
-        at, rows = values.pop("at"), rows_of(values.pop("agents", "all"), groups)
+        at, names = values.pop("at"), values.pop("agents", "all")
+        names = [names] if isinstance(names, str) else names
+        rows = sorted({row for name in names for row in groups[name]})
         end = at + values.pop("for", math.inf)
         random = np.random.default_rng([scene.seed, number]).random(len(scene.agents))
         happens = random < values.pop("probability")
@@ -79,16 +57,12 @@ def faults_of(given: list[Mapping[str, Any]], scene: Scene) -> tuple[Fault, ...]
     return tuple(_repaired(fault, repairs) for fault in made if fault.mode != "ok")
 
 
-def check_faults(document: Document, registry: Registry) -> str:
+def check(document: SourceFile, registry: Registry) -> str:
     """Return what a fault file holds, in words.
 
     Raises:
-        InputError: It breaks its schema, or does not fit the mission that it names.
+        InputError: It does not fit the mission that it names.
     """
-    from star_core.mission_file.mission_loader import load
-
-    if found := schema.problems(document, schema.load("faults")):
-        raise InputError(found)
     count = len(document.data["faults"])
     words = f"{count} fault{'s' * (count > 1)} to inject"
     if "mission" not in document.data:
@@ -113,15 +87,10 @@ def _repaired(fault: Fault, repairs: list[Fault]) -> Fault:
     return replace(fault, until=until)
 
 
-def _groups(scene: Scene) -> dict[str, tuple[int, ...]]:
-    rows = {name: (row,) for row, name in enumerate(scene.names)}
-    return {**scene.groups, **rows, "all": tuple(range(len(rows)))}
-
-
-def _problems(document: Document, scene: Scene) -> Iterator[Problem]:
+def _problems(document: SourceFile, scene: Scene) -> Iterator[Problem]:
     """Yield the agents and landmarks that a scene has not."""
     known = {
-        "agents": ("agent", [*_groups(scene)], "unknown-agent"),
+        "agents": ("agent", [*scene.rows_by_name], "unknown-agent"),
         "tags": ("landmark", sorted({tag.of for tag in scene.world.landmarks}), "unknown-landmark"),
     }
     for number, fault in enumerate(document.data["faults"]):
