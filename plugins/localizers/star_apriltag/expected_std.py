@@ -24,7 +24,9 @@ from star_core import Array, Camera, Mask, Obstacle, Scene, Tag
 from star_core.toolkit import CameraModel, rotation_from_quaternion, square_corners
 
 SEEN_STD: Final = 0.03  # m, while a tag is in view
-MIN_EDGE: Final = 13.0  # px of a tag in the image: eight modules of those that are still detected
+MIN_WIDTH: Final = (
+    13.2  # px of a tag across its longest side: eight modules that are still detected
+)
 BORDER: Final = 3.0  # px, of the image, in which no corner is detected
 POINTS: Final = 24  # of a line of sight, compared with obstacles
 
@@ -120,8 +122,7 @@ def _sees(
         ahead = np.flatnonzero((points[..., 2] > 0.0).all(axis=1))
         whole = ahead[model.sees(points[ahead], BORDER).all(axis=1)]
         pixels = model.project(points[whole])
-        edges = np.linalg.norm(pixels - np.roll(pixels, 1, axis=1), axis=2).max(axis=1, initial=0.0)
-        found = centers[facing][whole[edges >= MIN_EDGE]]
+        found = centers[facing][whole[_widths(pixels) >= MIN_WIDTH]]
         times += [k] * len(found)
         eyes += [eye] * len(found)
         ends += [*found]
@@ -129,6 +130,18 @@ def _sees(
         clear = _clear(obstacles, np.array(eyes), np.array(ends))
         seen[np.array(times)[clear]] = True
     return seen
+
+
+def _widths(pixels: Array) -> Array:
+    """Return the widths of (K, 4, 2) tags in the image across their longest sides: (K,) px.
+
+    Of a tag that is seen at a slant the width is less than any side.
+    """
+    longest = np.linalg.norm(pixels - np.roll(pixels, 1, axis=1), axis=2).max(axis=1, initial=0.0)
+    a, b = pixels[:, 2] - pixels[:, 0], pixels[:, 3] - pixels[:, 1]  # diagonals
+    area = np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]) / 2
+    widths: Array = area / np.maximum(longest, 1.0)
+    return widths
 
 
 def _clear(obstacles: tuple[Obstacle, ...], eyes: Array, ends: Array) -> Mask:
