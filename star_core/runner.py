@@ -23,8 +23,7 @@ from star_core.pipeline import PluginPipeline
 from star_core.plugin_support.guard import leaked_threads
 from star_core.registry import Registry
 from star_core.scene import Scene
-from star_core.shutdown import Shutdown
-from star_core.tick import ControlLoop
+from star_core.tick import ControlLoop, MissionStatus
 from star_core.toolkit.progress import Progress
 
 
@@ -55,7 +54,7 @@ def fly(
     run: _Run | None = None
     try:
         run = _Run(mission, registry, pipeline, operator)
-        pipeline.connect(run.loop.executor.trajectories, folder)
+        pipeline.connect(run.loop.trajectories, folder)
         operator.simulation = pipeline.paced
         operator.report = run.observers.event
         operator.await_landings = pipeline.await_landings
@@ -71,7 +70,7 @@ def fly(
         with Progress("closing the links and the record"):
             failures: list[str] = []
             try:
-                failures += run.loop.executor.close() if run is not None else ()
+                failures += run.loop.close() if run is not None else ()
                 failures += pipeline.close()
             finally:  # the operator may interrupt a plugin that hangs
                 operator.recording = True
@@ -119,21 +118,17 @@ class _Run:
     def __init__(
         self, mission: Mission, registry: Registry, pipeline: PluginPipeline, operator: Operator
     ) -> None:
-        self._mission = mission
-        self._pipeline = pipeline
         self._operator = operator
         self._wall_time = 0.0
         self.observers = Observers(registry.manager.plugins, pipeline.compute_time)
-        self.loop = ControlLoop(mission, registry, pipeline, self.observers)
-        self._phases = self.loop.vehicles.phases
-        self._shutdown = Shutdown(mission.scene, self.loop, self.observers, operator)
+        self.loop = ControlLoop(mission, registry, pipeline, self.observers, operator)
         self.reason: str | None = None
 
     def fly(self) -> None:
         """Fly the steps, and land all agents."""
         begun = time.perf_counter()
         self.reason = ""
-        self._phases.fire_mission("start")
+        self.loop.change_phase("start")
         try:
             self.reason = self._fly()
         finally:
@@ -141,46 +136,27 @@ class _Run:
 
     def summary(self) -> dict[str, Any]:
         """Return the contents of ``summary.json``."""
-        vehicles = self.loop.vehicles
-        return (
-            self.loop.metrics.summary(
-                mission=self._mission.name,
-                outcome=str(self._phases.mission),
-                reason=self.reason or "",
-                wall_time=self._wall_time,
-                took=self._pipeline.took(),
-                steps=self.loop.executor.steps,
-                targets=vehicles.targets,
-                events=self.observers.events,
-            )
-            | vehicles.timing.summary()
-            | self._pipeline.compute_time.summary()
-        )
+        return self.loop.summary(self.reason or "", self._wall_time)
 
     def _fly(self) -> str:
         """Fly the steps and land all agents; return why the mission did not complete, if so."""
         try:
             end, reason = self._fly_steps()
-            reasons = [reason, self._shutdown.land_all(end)]
+            landing = self.loop.land_all(complete=end == "complete")
+            reasons = [reason, self._until_over(landing).reason]
         except PluginError as error:
             self.observers.event("failure", str(error))
-            end, reasons = "fail", [str(error), self._shutdown.land_all_without_plugins()]
+            end, reasons = "fail", [str(error), self._land_whatever_failed()]
         except BaseException as error:
             self.reason = f"Python was interrupted: {type(error).__name__}"
             try:
-                self._shutdown.land_all_without_plugins()
+                self._land_whatever_failed()
             finally:  # it may be interrupted again
-                self._phases.fire_mission("abort")
-                self.loop.vehicles.report_phases()
+                self.loop.change_phase("abort")
             raise
-        self.loop.finish()
-        reason = "; ".join(
-            filter(None, (*reasons, self.loop.uncertain_landings(), self._collisions()))
-        )
-        self._phases.fire_mission(end)
-        if self._phases.mission is MissionPhase.COMPLETED and reason:
-            self._phases.fire_mission("fail")
-        self.loop.vehicles.report_phases()
+        reason = "; ".join(filter(None, (*reasons, *self.loop.finish())))
+        if self.loop.change_phase(end) is MissionPhase.COMPLETED and reason:
+            self.loop.change_phase("fail")
         return reason
 
     def _fly_steps(self) -> tuple[str, str]:
@@ -196,11 +172,19 @@ class _Run:
             if now.status is Status.SUCCESS:
                 return "complete", ""
 
-    def _collisions(self) -> str:
-        """Return the number of collisions that fail the mission; empty if there are none."""
-        contacts = self.loop.metrics.contacts
-        count = contacts.agent_agent + contacts.agent_obstacle
-        if not count or self._mission.collisions == "record":
-            return ""
-        by = " (estimated positions)" if contacts.source == "estimate" else ""
-        return f"{count} collision{'s' if count > 1 else ''}{by}"
+    def _until_over(self, now: MissionStatus) -> MissionStatus:
+        """Run ticks until what the loop does is over; return its status."""
+        while now.status is Status.RUNNING:
+            now = self.loop.tick()
+        return now
+
+    def _land_whatever_failed(self) -> str:
+        """Land all agents from their positions; return what failed, if anything."""
+        try:
+            return self._until_over(self.loop.land_all(complete=False, at_once=True)).reason
+        except PluginError:
+            self.loop.stop_locating()  # it may be the localizer that raised
+        try:
+            return self._until_over(self.loop.land_all(complete=False, at_once=True)).reason
+        except PluginError as error:
+            return self.loop.give_up(error)

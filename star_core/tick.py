@@ -5,21 +5,22 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from star_core.contracts import Status
-from star_core.errors import shortlist
+from star_core.errors import PluginError, shortlist
 from star_core.execution.assignments import Assignments
 from star_core.execution.instructions import GoalDraft, Instructions, hold
+from star_core.execution.land_all import LandAll
 from star_core.execution.landing import LandingManager
 from star_core.execution.reserves import ReserveManager
 from star_core.execution.step_run import TickContext
 from star_core.executor import StepExecutor
 from star_core.geometry.neighbours import Pairs
 from star_core.messages.arrays import Mask, every, some
-from star_core.messages.commands import Order
+from star_core.messages.commands import Order, Trajectory
 from star_core.messages.events import Corrected, Tick
 from star_core.messages.state import (
     AIRBORNE,
@@ -35,6 +36,8 @@ from star_core.messages.telemetry import Telemetry
 from star_core.metrics.summary import FlightMetrics
 from star_core.mission import Mission
 from star_core.observers import Observers
+from star_core.operator import Operator
+from star_core.phases import MissionPhase
 from star_core.pipeline import PluginPipeline
 from star_core.registry import Registry
 from star_core.safety.agents_in_the_way import GroundedAgents
@@ -62,26 +65,28 @@ class MissionStatus(NamedTuple):
 
 
 class ControlLoop:
-    """Flies the steps of a mission, a tick at a time.
+    """Flies the steps of a mission and lands all agents, a tick at a time.
 
     Args:
         mission: What to fly.
         registry: Where verbs are found.
         pipeline: The four plugins; their transport is connected before the first tick.
         observers: Receive every tick and event.
-
-    Attributes:
-        vehicles: The swarm.
-        executor: The steps.
-        landing: Landings that have yet to be commanded.
-        metrics: Of the flight so far.
+        operator: Requests to stop the motors.
     """
 
     def __init__(
-        self, mission: Mission, registry: Registry, pipeline: PluginPipeline, observers: Observers
+        self,
+        mission: Mission,
+        registry: Registry,
+        pipeline: PluginPipeline,
+        observers: Observers,
+        operator: Operator,
     ) -> None:
         scene, n = mission.scene, len(mission.scene.agents)
+        self._mission = mission
         self._scene = scene
+        self._operator = operator
         self._pipeline = pipeline
         self._observers = observers
         self._assignments = Assignments(n, mission.reserve_rows)
@@ -90,8 +95,8 @@ class ControlLoop:
         self._setpoints = SetpointMonitor(scene)
         self._uncertain = UncertainAgents(scene, partial(observers.event, "safety"))
         self._grounded = GroundedAgents(n, scene.limits)
-        self.vehicles = VehicleInterface(scene, pipeline, observers)
-        self.executor = StepExecutor(
+        self._vehicles = VehicleInterface(scene, pipeline, observers)
+        self._executor = StepExecutor(
             mission, registry, self._assignments, observers, pipeline.compute_time, pipeline.strikes
         )
         report = partial(observers.event, "relief")
@@ -100,40 +105,77 @@ class ControlLoop:
             if mission.reserve
             else None
         )
-        self.landing = LandingManager(scene, self.vehicles, observers, pipeline.refuses)
-        self.metrics = FlightMetrics(scene)
+        self._landing = LandingManager(scene, self._vehicles, observers, pipeline.refuses)
+        self._metrics = FlightMetrics(scene)
         self._uncertain_landings: dict[int, str] = {}  # names by the slots that they left
         self._unreachable: dict[int, str] = {}  # reasons by row, in the last tick
         self._lost_since = np.full(n, np.inf)  # s
         self._goals = Goals.none(n)  # of the last tick
         self._started = False
+        self._land_all: LandAll | None = None  # once it is what the flight does
 
     def tick(self) -> MissionStatus:
         """Run one control tick for the whole swarm; return the status of the mission."""
-        telemetry = self.vehicles.receive()
-        estimate = self.vehicles.locate(telemetry)
-        health = self.vehicles.track(telemetry, estimate)
-        excused = self._apply_rules(estimate, health)
-        if reason := (
-            self._unfit_to_start(health)
-            or self._no_agent_left()
-            or self._lost_too_long(health, excused)
-        ):
-            return MissionStatus(Status.FAILURE, reason)
-        context = self._context(telemetry, estimate, health, excused)
-        status, instructions = self.executor.step(context)
-        if self._reserves is not None:
-            instructions = self._reserves.step(context, instructions)
+        telemetry = self._vehicles.receive()
+        estimate = self._vehicles.locate(telemetry)
+        health = self._vehicles.track(telemetry, estimate)
+        if self._land_all is not None:
+            status, instructions = Status.RUNNING, self._land_all.step(telemetry, estimate)
+        else:
+            excused = self._apply_rules(estimate, health)
+            if reason := (
+                self._unfit_to_start(health)
+                or self._no_agent_left()
+                or self._lost_too_long(health, excused)
+            ):
+                return MissionStatus(Status.FAILURE, reason)
+            context = self._context(telemetry, estimate, health, excused)
+            status, instructions = self._executor.step(context)
+            if self._reserves is not None:
+                instructions = self._reserves.step(context, instructions)
         self._send_commands(instructions, estimate)
-        goals = self.landing.step(estimate, instructions.goals)
-        self.landing.repeat_missed(telemetry, estimate)
-        flying = self.vehicles.phases.among(AgentPhase.FLYING)
+        goals = self._landing.step(estimate, instructions.goals)
+        self._landing.repeat_missed(telemetry, estimate)
+        flying = self._vehicles.phases.among(AgentPhase.FLYING)
         self._goals = hold(goals, flying, estimate, self._scene.limits.speed)
         doing = instructions.doing
-        self._unreachable = self.steer(telemetry, estimate, health, self._goals, doing)
-        return MissionStatus(status, self.executor.reason)
+        if self._land_all is None or some(self._goals.active):
+            self._unreachable = self._steer(telemetry, estimate, health, self._goals, doing)
+        else:
+            self._watch(telemetry, estimate, health)
+        return self._landed() or MissionStatus(status, self._executor.reason)
 
-    def steer(
+    def land_all(self, *, complete: bool, at_once: bool = False) -> MissionStatus:
+        """Land all agents from now on: the ticks that follow do nothing else.
+
+        Args:
+            complete: Whether the mission's steps are done.
+            at_once: Land each agent from its position; see `LandAll`.
+
+        Returns:
+            Its status, as ticks return it: it may be over at once.
+        """
+        self._land_all = LandAll(
+            self._scene,
+            self._vehicles,
+            self._landing,
+            self._assignments.unassigned,
+            self._observers,
+            self._operator,
+            complete=complete,
+            at_once=at_once,
+        )
+        return _status(self._land_all.begin())
+
+    def stop_locating(self) -> None:
+        """Stop calling the localizer, which may have failed: no agent is located any more."""
+        self._vehicles.stop_locating()
+
+    def give_up(self, error: PluginError) -> str:
+        """Return what failed when all agents cannot be landed either, which `error` says."""
+        return "" if self._land_all is None else self._land_all.give_up(error)
+
+    def _steer(
         self,
         telemetry: Telemetry,
         estimate: Estimate,
@@ -144,7 +186,7 @@ class ControlLoop:
         """Fly towards goals for a tick; return why goals cannot be reached, by row."""
         goals = self._redirect(estimate, goals)
         plan = self._pipeline.plan(estimate, goals)
-        wanted = self.vehicles.setpoint(self._uncertain.stop(plan.setpoint), estimate)
+        wanted = self._vehicles.setpoint(self._uncertain.stop(plan.setpoint), estimate)
         seen = self._grounded.mark(estimate, health.phase, self._gone())
         avoided = self._pipeline.avoid(seen, wanted)
         near = self._near(estimate)
@@ -154,10 +196,10 @@ class ControlLoop:
             if self._pipeline.strikes.pending:
                 drawn_in = replace(drawn_in, active=np.zeros_like(drawn_in.active))  # brake
             safe, corrected = self._safety.filter(seen, drawn_in, wanted, near)
-        sent = self.vehicles.send(safe, telemetry, estimate)
+        sent = self._vehicles.send(safe, telemetry, estimate)
         outputs = telemetry, estimate, health, goals, plan, sent, self._pipeline.truth()
-        timing = self.vehicles.timing.of_tick(self._pipeline.took())
-        self._record(Tick(self.vehicles.time, *outputs, shortlist(doing), corrected, timing), near)
+        timing = self._vehicles.timing.of_tick(self._pipeline.took())
+        self._record(Tick(self._vehicles.time, *outputs, shortlist(doing), corrected, timing), near)
         return {
             row: plan.reasons.get(row, "the planner finds no way to the goal")
             for row in (plan.unreachable & wanted.active & ~self._uncertain.redirected)
@@ -165,31 +207,87 @@ class ControlLoop:
             .tolist()
         }
 
-    def watch(self, telemetry: Telemetry, estimate: Estimate, health: Health) -> None:
+    def _watch(self, telemetry: Telemetry, estimate: Estimate, health: Health) -> None:
         """Record a tick in which no plugin is called but the transport, and nothing is sent."""
         n = len(self._scene.agents)
         plan, truth = Plan.none(n), self._pipeline.truth()
         outputs = telemetry, estimate, health, Goals.none(n), plan, plan.setpoint, truth
         unchanged = Corrected(*np.zeros((4, n), np.bool_))
-        timing = self.vehicles.timing.of_tick(self._pipeline.took())
-        tick = Tick(self.vehicles.time, *outputs, "landing", unchanged, timing)
+        timing = self._vehicles.timing.of_tick(self._pipeline.took())
+        tick = Tick(self._vehicles.time, *outputs, "landing", unchanged, timing)
         self._record(tick, self._near(estimate))
 
-    def finish(self) -> None:
-        """Report the close approaches that are not over when the flight ends."""
-        for event in self.metrics.contacts.finish():
-            self._observers.record(event)
+    @property
+    def phase(self) -> MissionPhase:
+        """The phase of the mission."""
+        return self._vehicles.phases.mission
 
-    def uncertain_landings(self) -> str:
+    @property
+    def trajectories(self) -> tuple[Trajectory, ...]:
+        """The trajectories that agents may be ordered to fly on board, each once."""
+        return self._executor.trajectories
+
+    def change_phase(self, trigger: str) -> MissionPhase:
+        """Apply a trigger to the phase of the mission, report changes, and return the phase."""
+        self._vehicles.phases.fire_mission(trigger)
+        self._vehicles.report_phases()
+        return self.phase
+
+    def finish(self) -> list[str]:
+        """Report what is not over when the flight ends.
+
+        Returns:
+            Reasons why the mission has failed although its steps have not.
+        """
+        for event in self._metrics.contacts.finish():
+            self._observers.record(event)
+        return [*filter(None, (self._uncertain_landed(), self._collisions()))]
+
+    def close(self) -> list[str]:
+        """Abort the running steps and close every task; return their errors."""
+        return self._executor.close()
+
+    def summary(self, reason: str, wall_time: float) -> dict[str, Any]:
+        """Return the contents of ``summary.json``.
+
+        Args:
+            reason: Why the mission did not complete; empty if it did.
+            wall_time: Of the flight, s.
+        """
+        return (
+            self._metrics.summary(
+                mission=self._mission.name,
+                outcome=str(self.phase),
+                reason=reason,
+                wall_time=wall_time,
+                took=self._pipeline.took(),
+                steps=self._executor.steps,
+                targets=self._vehicles.targets,
+                events=self._observers.events,
+            )
+            | self._vehicles.timing.summary()
+            | self._pipeline.compute_time.summary()
+        )
+
+    def _landed(self) -> MissionStatus | None:
+        """Return the status of landing all agents; None if that is not what the flight does."""
+        return None if self._land_all is None else _status(self._land_all.result())
+
+    def _collisions(self) -> str:
+        """Return the number of collisions that fail the mission; empty if there are none."""
+        contacts = self._metrics.contacts
+        count = contacts.agent_agent + contacts.agent_obstacle
+        if not count or self._mission.collisions == "record":
+            return ""
+        by = " (estimated positions)" if contacts.source == "estimate" else ""
+        return f"{count} collision{'s' if count > 1 else ''}{by}"
+
+    def _uncertain_landed(self) -> str:
         """Return which agents landed for their uncertainty and are not replaced; empty if none."""
         vacant = {*self._assignments.vacancies()}
         names = [name for slot, name in self._uncertain_landings.items() if slot in vacant]
         verb = "was" if len(names) == 1 else "were"
         return f"{shortlist(names)} {verb} too uncertain and landed early" if names else ""
-
-    def unassigned(self) -> Mask:
-        """Return which agents are not in the mission, whose failure does not fail it: (N,)."""
-        return self._assignments.unassigned()
 
     def _apply_rules(self, estimate: Estimate, health: Health) -> Mask:
         """Remove agents that violate a safety rule from the mission.
@@ -197,16 +295,16 @@ class ControlLoop:
         Returns:
             (N,) agents that may be lost without failing their step.
         """
-        for row, action, reason in self._rules.judge(self.vehicles.time, estimate, health):
+        for row, action, reason in self._rules.judge(self._vehicles.time, estimate, health):
             self._remove(row, action, reason, estimate)
         return self._rules.excuse(health, estimate.valid)
 
     def _redirect(self, estimate: Estimate, goals: Goals) -> Goals:
         """Return the goals, with those of agents that are too uncertain for their room changed."""
-        steered = self.vehicles.steered(estimate)
-        landing = self.vehicles.phases.among(AgentPhase.LANDING)
-        landing[self.landing.rows] = True
-        airborne = self.vehicles.phases.among(*AIRBORNE)
+        steered = self._vehicles.steered(estimate)
+        landing = self._vehicles.phases.among(AgentPhase.LANDING)
+        landing[self._landing.rows] = True
+        airborne = self._vehicles.phases.among(*AIRBORNE)
         goals, lands = self._uncertain.redirect(
             estimate, steered & ~landing, landing, airborne, goals
         )
@@ -233,9 +331,9 @@ class ControlLoop:
         goals.hold(alone & estimate.valid, estimate, self._scene.limits.speed)
         self._goals = goals.finish()
         if action is SafetyAction.LAND:
-            self.landing.land([row])
+            self._landing.land([row])
         elif action is SafetyAction.STOP:
-            self.vehicles.stop_motors(np.array([row]))
+            self._vehicles.stop_motors(np.array([row]))
 
     def _gone(self) -> Mask:
         """Return which agents do not take off again once they have landed: (N,).
@@ -248,7 +346,7 @@ class ControlLoop:
 
     def _no_agent_left(self) -> str:
         """Return the reason to end if the safety rules have removed every agent."""
-        none_left = np.count_nonzero(self._rules.action) and every(self.unassigned())
+        none_left = np.count_nonzero(self._rules.action) and every(self._assignments.unassigned())
         return "the safety rules left no agent" if none_left else ""
 
     def _unfit_to_start(self, health: Health) -> str:
@@ -257,7 +355,7 @@ class ControlLoop:
             return ""
         self._started = True
         limit = self._rules.lowest_voltage
-        low = (health.battery < limit) & ~self.unassigned()
+        low = (health.battery < limit) & ~self._assignments.unassigned()
         if not low.any():
             return ""
         names, volts = self._scene.named(np.flatnonzero(low)), health.battery[low].min()
@@ -265,14 +363,14 @@ class ControlLoop:
 
     def _lost_too_long(self, health: Health, excused: Mask) -> str:
         """Return the reason to end if an agent of the mission has been lost for too long."""
-        lost = self.vehicles.phases.among(AgentPhase.LOST) | self.landing.unheard(health.age)
+        lost = self._vehicles.phases.among(AgentPhase.LOST) | self._landing.unheard(health.age)
         lost &= ~excused
-        time = self.vehicles.time
+        time = self._vehicles.time
         if not some(lost):
             self._lost_since.fill(np.inf)
             return ""
         self._lost_since = np.where(lost, np.fmin(self._lost_since, time), np.inf)
-        late = (time - self._lost_since > MAX_LOST_TIME) & ~self.unassigned()
+        late = (time - self._lost_since > MAX_LOST_TIME) & ~self._assignments.unassigned()
         return f"{self._scene.named(np.flatnonzero(late))} is lost" if some(late) else ""
 
     def _context(
@@ -283,31 +381,38 @@ class ControlLoop:
             name = self._scene.agents[row].name
             self._observers.event("refused", f"{name} {reason}", name)
         unfit = (among(health.phase, *UNFIT) & ~excused).nonzero()[0].tolist()
-        disabled = {row: self.vehicles.phases.describe(row) for row in unfit}
+        disabled = {row: self._vehicles.phases.describe(row) for row in unfit}
         refusals = dict(telemetry.refusals)
-        time = self.vehicles.time
+        time = self._vehicles.time
         return TickContext(
             time, estimate, health, disabled, refusals, self._unreachable, self._goals
         )
 
     def _send_commands(self, instructions: Instructions, estimate: Estimate) -> None:
         """Send the commands of this tick; landings are held back by the landing manager."""
-        self.vehicles.release(instructions.free)
+        self._vehicles.release(instructions.free)
         for command in instructions.commands:
             if command.order is Order.LAND:
-                self.landing.request(command)
+                self._landing.request(command)
             else:
-                self.vehicles.send_command(command, estimate)
-        self.landing.land(sorted(instructions.leave))
+                self._vehicles.send_command(command, estimate)
+        self._landing.land(sorted(instructions.leave))
 
     def _near(self, estimate: Estimate) -> Pairs:
         """Return the pairs of agents that safety filter and metrics consider."""
-        return Pairs.of(estimate.position, max(self._safety.reach, self.metrics.reach))
+        return Pairs.of(estimate.position, max(self._safety.reach, self._metrics.reach))
 
     def _record(self, tick: Tick, near: Pairs) -> None:
         """Measure a tick and pass it to the observers."""
         for failure in self._pipeline.strikes.drain():
             self._observers.event("plugin", failure)
-        for event in self.metrics.add(tick, near):
+        for event in self._metrics.add(tick, near):
             self._observers.record(event)
         self._observers.notify("star_ticked", tick=tick)
+
+
+def _status(result: str | None) -> MissionStatus:
+    """Return the status for what failed in landing all agents; None while they land."""
+    if result is None:
+        return MissionStatus(Status.RUNNING)
+    return MissionStatus(Status.FAILURE if result else Status.SUCCESS, result)

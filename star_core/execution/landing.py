@@ -139,6 +139,8 @@ class LandingManager:
         up = among(phases, AgentPhase.TAKING_OFF, AgentPhase.FLYING, AgentPhase.LOST)
         if durations is not None:
             durations = durations[up]
+        for row in rows.tolist():
+            self._waiting.pop(row, None)
         self._repeats[rows[up]] = 0
         self._command(rows[up], estimate, durations)
 
@@ -244,7 +246,7 @@ class LandingManager:
                 goal = np.array([*landing.position, landing.height])
                 draft.set(row, goal, float(estimate.yaw[row]), self._scene.limits.speed)
         self._vehicles.descend(descending)
-        durations = np.array([self._waiting.pop(row).duration for row in ready])
+        durations = np.array([self._waiting[row].duration for row in ready])
         self.land_now(np.array(ready, np.int64), estimate, durations)
         return draft.finish()
 

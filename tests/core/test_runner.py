@@ -22,6 +22,7 @@ from star_core import (
     fly,
     hookimpl,
 )
+from star_core.execution.land_all import MAX_LANDING_DELAY, MAX_SILENCE
 from star_core.execution.landing import (
     CONTROLLER_LAG,
     LAND_DEPTH,
@@ -33,7 +34,6 @@ from star_core.mission_file import file_kinds
 from star_core.plugin_support.discovery import Source
 from star_core.registry import Registry
 from star_core.runner import outcome_of
-from star_core.shutdown import MAX_LANDING_DELAY, MAX_SILENCE
 from star_core.tick import MAX_LOST_TIME
 from tests.core.conftest import TOUR, Lab
 
