@@ -13,13 +13,22 @@ from star_core.scene import Scene
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
-    """Which plugin to use, with what, and whose it is."""
+class PluginChoice:
+    """A plugin that a mission uses.
+
+    Attributes:
+        kind: Of the plugin.
+        use: Its name.
+        options: Its options, with the defaults of its schema.
+        source: Its origin.
+        written: Its options as the mission has them.
+    """
 
     kind: str
     use: str
     options: Mapping[str, Any]
     source: Source
+    written: Mapping[str, Any]
 
     def __str__(self) -> str:
         return f"{self.kind} {self.use!r} ({self.source})"
@@ -45,7 +54,7 @@ class Mission:
 
     name: str
     scene: Scene
-    parts: Mapping[str, Part]
+    parts: Mapping[str, PluginChoice]
     steps: tuple[Node, ...]
     safety: Mapping[str, Mapping[str, Any]]
     reserve: Mapping[str, Any]

@@ -34,7 +34,7 @@ from star_core.plugin_support.guard import (
     require_methods,
     require_signature,
 )
-from star_core.plugin_support.option_schema import PARTS, fill_defaults
+from star_core.plugin_support.option_schema import PARTS
 from star_core.plugin_support.outputs import (
     checked_location,
     checked_plan,
@@ -103,10 +103,7 @@ class PluginPipeline:
             kind: ToleratingGuard(guard, self.strikes) for kind, guard in self._calling.items()
         }
         specs = {kind: registry.find(kind, mission.parts[kind].use).offer for kind in PARTS}
-        options = {
-            kind: fill_defaults(mission.parts[kind].options, spec.options)
-            for kind, spec in specs.items()
-        }
+        options = {kind: dict(mission.parts[kind].options) for kind in PARTS}
         self._check_goals = specs["planner"].check_goals
         self._planner_options = options["planner"]
         try:

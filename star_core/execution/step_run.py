@@ -26,7 +26,6 @@ from star_core.plugin_support.guard import (
     require_methods,
     require_signature,
 )
-from star_core.plugin_support.option_schema import fill_defaults
 from star_core.plugin_support.outputs import checked_timeout
 from star_core.plugin_support.timing import ComputeTime
 from star_core.registry import Registry
@@ -336,7 +335,7 @@ class TaskPool:
     def _make(self, action: Action, rows: tuple[int, ...]) -> Task:
         """Make a step's task for some of its agents."""
         spec = self._registry.find("task", action.verb).offer
-        options = fill_defaults(action.options, spec.options)
+        options = dict(action.options)
         guard = self._guard(action)
         with guard:
             require_signature(spec.make, "make", ("scene", "rows"), options)

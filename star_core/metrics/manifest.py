@@ -31,7 +31,7 @@ def manifest(mission: Mission, registry: Registry) -> dict[str, Any]:
         "plugins": {
             kind: {
                 "name": part.use,
-                "options": dict(part.options),
+                "options": dict(part.written),
                 "plugin": part.source.plugin,
                 "version": part.source.version,
             }

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from star_core.errors import InputError, PluginError
-from star_core.mission import Mission, Part
+from star_core.mission import Mission, PluginChoice
 from star_core.mission_file import schema, world_loader
 from star_core.mission_file.checks.references import of_mission
 from star_core.mission_file.includes import with_files
@@ -65,6 +65,7 @@ def checked(written: Document, registry: Registry, assignments: Sequence[str] = 
     data = sound_parts(document.data, refused, composed)
     if data is None:
         raise InputError(document.in_order(problems))
+    data |= {kind: _with_defaults(kind, data[kind], registry) for kind in PARTS}
     properties = _transport_properties(data["transport"], registry)
     flight = replace(scene(document.path.parent, data, room), **properties)
     uncertain = uncertain_groups(document.data, data)
@@ -79,7 +80,7 @@ def checked(written: Document, registry: Registry, assignments: Sequence[str] = 
     return Mission(
         name=data["name"],
         scene=flight,
-        parts={kind: _part(kind, data[kind], registry) for kind in PARTS},
+        parts={kind: _plugin(kind, data[kind], document.data[kind], registry) for kind in PARTS},
         steps=steps,
         safety=data["safety"],
         reserve=data["reserve"],
@@ -118,21 +119,37 @@ def _transport_properties(choice: Mapping[str, Any], registry: Registry) -> dict
     except PluginError:  # reported as a reference
         return {}
     offer, properties = found.offer, {"realtime": bool(found.offer.realtime)}
-    options = {key: value for key, value in choice.items() if key != "use"}
+    options = _options(choice)
     for name in ("exact_odometry", "measures_positions"):
         if (holds := getattr(offer, name)) is not None:
             with PluginGuard(f"transport {offer.name!r} ({found.source})"):
-                properties[name] = bool(holds(**fill_defaults(options, offer.options)))
+                properties[name] = bool(holds(**options))
     if offer.measurement_errors is not None:
         with PluginGuard(f"transport {offer.name!r} ({found.source})"):
-            errors = offer.measurement_errors(**fill_defaults(options, offer.options))
-            properties["measurement_errors"] = errors
+            properties["measurement_errors"] = offer.measurement_errors(**options)
     return properties
 
 
-def _part(kind: str, given: Mapping[str, Any], registry: Registry) -> Part:
-    options = {key: value for key, value in given.items() if key != "use"}
-    return Part(kind, given["use"], options, registry.find(kind, given["use"]).source)
+def _with_defaults(kind: str, choice: dict[str, Any], registry: Registry) -> dict[str, Any]:
+    """Return the choice of a plugin with the defaults of its options, if these are known."""
+    if isinstance(choice, Incomplete):
+        return choice
+    try:
+        return fill_defaults(choice, registry.find(kind, choice["use"]).offer.options)
+    except PluginError:  # reported as a reference
+        return choice
+
+
+def _plugin(
+    kind: str, choice: Mapping[str, Any], written: str | Mapping[str, Any], registry: Registry
+) -> PluginChoice:
+    source = registry.find(kind, choice["use"]).source
+    options = {} if isinstance(written, str) else _options(written)
+    return PluginChoice(kind, choice["use"], _options(choice), source, options)
+
+
+def _options(choice: Mapping[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in choice.items() if key != "use"}
 
 
 def sound_parts(

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any, Literal, TypeAlias
 
@@ -17,7 +17,7 @@ from star_core.mission_file.conditions import Condition
 from star_core.mission_file.located import Document, Location
 from star_core.mission_file.schema import UNKNOWN, Incomplete, Refused
 from star_core.plugin_support.discovery import Source
-from star_core.plugin_support.option_schema import JOIN, SHARED
+from star_core.plugin_support.option_schema import JOIN, SHARED, fill_defaults
 from star_core.plugin_support.specs import Problem
 from star_core.registry import Registry
 from star_core.scene import Scene
@@ -35,7 +35,7 @@ class Action:
         verb: Name of its task.
         source: Distribution of the task.
         rows: Its agents.
-        options: Options of the task, as given.
+        options: Options of the task, with the defaults of its schema.
         until: The condition that ends it successfully; None if the task ends by itself.
         timeout: Time after which it fails, s; None if the task derives it.
         on_failure: What happens when it fails.
@@ -43,6 +43,7 @@ class Action:
         included_from: Locations of the ``include`` steps that it comes from, the outermost first.
         path: Of the step in the document.
         known: Whether all of it could be interpreted.
+        written: Options of the task, as the mission has them.
     """
 
     verb: str
@@ -56,6 +57,7 @@ class Action:
     included_from: tuple[str, ...] = ()
     path: Location = ()
     known: bool = True
+    written: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def at(self) -> Location:
@@ -201,8 +203,11 @@ class StepBuilder:
         self, verb: str, options: Mapping[str, Any], path: Location, rows: tuple[int, ...]
     ) -> Action:
         known, source = True, Source("")
+        written = {key: value for key, value in options.items() if key not in SHARED}
+        filled: Mapping[str, Any] = written
         try:
-            source = self._registry.find("task", verb).source
+            task = self._registry.find("task", verb)
+            source, filled = task.source, fill_defaults(written, task.offer.options)
         except PluginError as error:
             self._report((*path, verb), error.message, error.code)
             known = False
@@ -211,7 +216,7 @@ class StepBuilder:
             verb=verb,
             source=source,
             rows=rows,
-            options={key: value for key, value in options.items() if key not in SHARED},
+            options=filled,
             until=None if isinstance(until, Incomplete) else until,
             timeout=options.get("timeout"),
             on_failure=options.get("on_failure", "abort"),
@@ -219,6 +224,7 @@ class StepBuilder:
             included_from=self._included_from(path),
             path=path,
             known=known,
+            written=written,
         )
 
     def _unknown(self, path: Location) -> Action:

@@ -10,7 +10,7 @@ import pytest
 import star_sim
 from star_core import Registry, fly, load
 from star_core.commands.main import main
-from star_core.toolkit import fill_defaults
+from star_core.toolkit import actions, fill_defaults
 
 pytestmark = pytest.mark.shipped_world
 
@@ -102,3 +102,17 @@ def test_from_python_paths_may_be_text(missions: Path, tmp_path: Path) -> None:
     summary = fly(mission, registry, folder=str(tmp_path))
     assert summary["outcome"] == "completed"
     assert (tmp_path / "summary.json").exists()
+
+
+def test_options_have_defaults_beside_what_is_written() -> None:
+    mission = load(
+        MISSIONS / "first_flight.yaml", Registry(), ["avoider={use: orca, radius: 0.25}"]
+    )
+    avoider = mission.parts["avoider"]
+    assert avoider.written == {"radius": 0.25}
+    assert avoider.options["radius"] == 0.25
+    assert {*avoider.options} > {*avoider.written}
+    takeoff = next(actions(mission.steps))
+    assert takeoff.verb == "takeoff"
+    assert {*takeoff.options} > {*takeoff.written}
+    assert takeoff.options["speed"] > 0

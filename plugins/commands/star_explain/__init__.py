@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from star_core import Problem, deferred, hookimpl
 from star_core.commands import CommandSpec
-from star_core.toolkit import actions, fill_defaults
+from star_core.toolkit import actions
 
 if TYPE_CHECKING:
     from star_core import Mission, Registry
@@ -84,8 +84,7 @@ def follows_surfaces(mission: Mission, registry: Registry) -> bool:
     localizer = registry.find("localizer", mission.parts["localizer"].use).offer
     if localizer.corrects_heights or not mission.scene.world.obstacles:
         return False
-    options = fill_defaults(used.options, offer.options)
-    return offer.heights_above_surface is None or offer.heights_above_surface(**options)
+    return offer.heights_above_surface is None or offer.heights_above_surface(**used.options)
 
 
 @hookimpl

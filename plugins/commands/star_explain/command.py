@@ -64,7 +64,7 @@ def _step(result: StepResult, times: dict[str, float | None]) -> dict[str, Any]:
         "verb": action.verb,
         "location": action.location,
         "agents": list(result.agents),
-        "options": dict(action.options),
+        "options": dict(action.written),
         "until": action.until,
         "on_failure": action.on_failure,
         "fault": result.fault,

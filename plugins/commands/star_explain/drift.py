@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from star_core import Array, Mask, Mission, Problem, Registry
-from star_core.toolkit import ALONE_SHARE, CONTACT_RADIUS, MAX_MARGIN_RATIO, fill_defaults
+from star_core.toolkit import ALONE_SHARE, CONTACT_RADIUS, MAX_MARGIN_RATIO
 from star_explain.separation import kept_distance
 from star_explain.tracks import PERIOD, Tracks
 
@@ -38,11 +38,11 @@ def drift_problems(mission: Mission, registry: Registry, tracks: Tracks) -> Iter
     scene, localizer = mission.scene, mission.parts["localizer"]
     offer = registry.find("localizer", localizer.use).offer
     time, position, yaw, airborne = tracks.sampled(PERIOD)
-    std = offer.drift(scene, time, position, yaw, **fill_defaults(localizer.options, offer.options))
+    std = offer.drift(scene, time, position, yaw, **localizer.options)
     flight = DryFlight(time, position, airborne, std)
     if mission.scene.limits.separation > 0:
-        near = [*pair_problems(mission, registry, flight)]
-        yield from near or room_problems(mission, registry, flight)
+        near = [*pair_problems(mission, flight)]
+        yield from near or room_problems(mission, flight)
     yield from obstacle_problems(mission, registry, flight)
     yield from fence_problems(mission, flight)
 
@@ -63,7 +63,7 @@ class DryFlight(NamedTuple):
     std: Array
 
 
-def pair_problems(mission: Mission, registry: Registry, flight: DryFlight) -> Iterator[Problem]:
+def pair_problems(mission: Mission, flight: DryFlight) -> Iterator[Problem]:
     """Warn if agents probably come closer than the separation because their positions drift.
 
     By their estimated positions, two agents whose goals are near to each other keep the separation,
@@ -75,7 +75,7 @@ def pair_problems(mission: Mission, registry: Registry, flight: DryFlight) -> It
     limits, scene = mission.scene.limits, mission.scene
     localizer = mission.parts["localizer"]
     time, position, airborne, std = flight
-    base = kept_distance(mission, registry)
+    base = kept_distance(mission)
     total, worst, where = 0.0, 0.0, ""
     for first, second in combinations(range(len(scene.agents)), 2):
         offset = position[:, first] - position[:, second]
@@ -110,7 +110,7 @@ def pair_problems(mission: Mission, registry: Registry, flight: DryFlight) -> It
         )
 
 
-def room_problems(mission: Mission, registry: Registry, flight: DryFlight) -> Iterator[Problem]:
+def room_problems(mission: Mission, flight: DryFlight) -> Iterator[Problem]:
     """Warn if two agents have so little room between them that the core lands one of them.
 
     They need `Limits.uncertainty_margin` standard deviations of their distance, and `ALONE_SHARE`
@@ -120,7 +120,7 @@ def room_problems(mission: Mission, registry: Registry, flight: DryFlight) -> It
     limits, scene = mission.scene.limits, mission.scene
     localizer = mission.parts["localizer"]
     time, position, airborne, std = flight
-    base, n = kept_distance(mission, registry), len(scene.agents)
+    base, n = kept_distance(mission), len(scene.agents)
     uses = np.zeros((len(time), n, n))
     for first, second in combinations(range(n), 2):
         offset = position[:, first] - position[:, second]
@@ -225,7 +225,7 @@ def _clearance(mission: Mission, registry: Registry) -> float:
     clearances = [0.0]
     for kind, names in (("planner", ("clearance",)), ("avoider", ("clearance", "radius"))):
         spec = registry.find(kind, mission.parts[kind].use).offer
-        options = fill_defaults(mission.parts[kind].options, spec.options)
+        options = mission.parts[kind].options
         if spec.avoids_obstacles:
             values = [options.get(name) for name in names]
             clearances += [value for value in values if isinstance(value, int | float)][:1]

@@ -15,7 +15,7 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 
 from star_core import AgentPhase, Array, Goals, Mission, Registry, StarError, Status, Task, TaskSpec
-from star_core.toolkit import fill_defaults, holds_from, longest_wait, step_timeout
+from star_core.toolkit import holds_from, longest_wait, step_timeout
 from star_explain import follows_surfaces
 from star_explain.dry_run_swarm import NO_TIME, DryRunSwarm
 from star_explain.separation import kept_distance
@@ -180,7 +180,7 @@ class _DryRun:
         # With `realtime` set, no plugin may wait for anything.
         self._scene = replace(mission.scene, realtime=True, period=TICK)
         self._registry = registry
-        self._kept = kept_distance(mission, registry)
+        self._kept = kept_distance(mission)
         self._outer = mission.steps  # between which all agents hover
         self._swarm = DryRunSwarm(self._scene)
         self.tracks = Tracks(self._scene)
@@ -269,7 +269,7 @@ class _DryRun:
         offer: TaskSpec = self._registry.find("task", action.verb).offer
         if offer.goals is None:
             return False
-        return any(offer.goals(self._scene, rows, **fill_defaults(action.options, offer.options)))
+        return any(offer.goals(self._scene, rows, **action.options))
 
     def _note_origins(self, action: Any, rows: tuple[int, ...], *, sure: bool) -> None:
         """Note which agents are where the dry run has them after a step, and how exactly."""
@@ -295,11 +295,10 @@ class _DryRun:
         """Run a step; return its duration and its timeout, s, and why it fails."""
         offer: TaskSpec = self._registry.find("task", action.verb).offer
         held = offer.exclusive
-        if held and held.unless not in action.options:  # do not claim resources
+        if held and held.unless not in action.written:  # do not claim resources
             limit = held.timeout if action.timeout is None else action.timeout
             return None, float(limit), ""
-        options = fill_defaults(action.options, offer.options)
-        task: Task = offer.make(self._scene, rows, **options)
+        task: Task = offer.make(self._scene, rows, **action.options)
         self._on_board = bool(getattr(task, "trajectories", ()))
         try:
             limit = self._limit(action, task, begun)

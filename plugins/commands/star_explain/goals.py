@@ -6,7 +6,6 @@ from collections.abc import Iterator, Sequence
 from typing import Final
 
 from star_core import Mission, Problem, Registry
-from star_core.toolkit import fill_defaults
 from star_explain.dry_run import Crowd, StepResult
 
 ERROR: Final = 0.1  # m, by which a take-off differs from the dry run
@@ -70,8 +69,7 @@ def _faults(
     offer = registry.find("planner", planner.use).offer
     faults = [mission.scene.position_fault(goal) or "" for goal in goals]
     if offer.check_goals is not None:
-        options = fill_defaults(planner.options, offer.options)
-        for problem in offer.check_goals(mission.scene, goals, **options):
+        for problem in offer.check_goals(mission.scene, goals, **planner.options):
             i = int(problem.path[0])
             x, y, z = goals[i]
             faults[i] = faults[i] or f"[{x:.2f}, {y:.2f}, {z:.2f}] {problem.message}"

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from star_core import Array, Mask, Mission, Problem, Registry
-from star_core.toolkit import MAX_MARGIN_RATIO, fill_defaults
+from star_core.toolkit import MAX_MARGIN_RATIO
 from star_explain.separation import kept_distance
 from star_explain.tracks import Tracks
 
@@ -37,8 +37,8 @@ def jam_problems(mission: Mission, registry: Registry, tracks: Tracks) -> Iterat
     localizer = mission.parts["localizer"]
     offer = registry.find("localizer", localizer.use).offer
     time, position, yaw, airborne = tracks.sampled(PERIOD)
-    std = offer.drift(scene, time, position, yaw, **fill_defaults(localizer.options, offer.options))
-    base = kept_distance(mission, registry)
+    std = offer.drift(scene, time, position, yaw, **localizer.options)
+    base = kept_distance(mission)
     margin = np.minimum(limits.uncertainty_margin * std, MAX_MARGIN_RATIO * base / 2)
     if 2 * margin.max() < MIN_MARGIN * base:
         return

@@ -92,8 +92,8 @@ class _Chart:
 
 def _rows(result: StepResult) -> Iterator[str]:
     yield f"{result.action.verb} {shortlist(result.agents) or 'no agents'}"
-    if result.action.options:
-        yield options(result.action.options)
+    if result.action.written:
+        yield options(result.action.written)
     yield times(result)
     yield from ending(result)
     for fault in (result.fault, *result.blocked):

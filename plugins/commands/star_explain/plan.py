@@ -87,14 +87,14 @@ def _steps(group: Group, number: str, registry: Registry) -> Iterator[str]:
 
 
 def _step(result: StepResult, number: str, indent: str, registry: Registry) -> Iterator[str]:
-    given = options(result.action.options)
+    given = options(result.action.written)
     names = shortlist(result.agents) or "no agents"
     yield f"{indent}{number}  {result.action.verb} {names}{f'  {given}' if given else ''}"
     inside = indent + " " * (len(number) + 2)
     spec: TaskSpec = registry.find("task", result.action.verb).offer
     # A step without exclusive resources does not use the options for them.
-    alone = spec.exclusive is not None and spec.exclusive.unless in result.action.options
-    if not alone and (rest := options(left_out(result.action.options, spec.options))):
+    alone = spec.exclusive is not None and spec.exclusive.unless in result.action.written
+    if not alone and (rest := options(left_out(result.action.written, spec.options))):
         yield f"{inside}by default {rest}"
     yield f"{inside}{'; '.join([times(result), *ending(result)])}"
     for fault in (result.fault, *result.blocked):

@@ -78,7 +78,7 @@ def facts(mission: Mission, registry: Registry) -> Iterator[str]:
     yield "parts"
     for part in mission.parts.values():
         schema = registry.find(part.kind, part.use).offer.options
-        given, rest = options(part.options), options(left_out(part.options, schema))
+        given, rest = options(part.written), options(left_out(part.written, schema))
         yield f"  {part.kind:11}{part.use}{f'  {given}' if given else ''}"
         if rest:
             yield f"{'':13}by default {rest}"

@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Any, Final
 
-from star_core.errors import MAX_LISTED, PluginError, suggestion
+from star_core.errors import MAX_LISTED, suggestion
 from star_core.mission_file.located import Document
 from star_core.mission_file.schema import Incomplete
 from star_core.mission_file.step_tree import Action
-from star_core.plugin_support.option_schema import JOIN, fill_defaults
+from star_core.plugin_support.option_schema import JOIN
 from star_core.plugin_support.specs import Problem
 from star_core.registry import Registry
 from star_core.scene import Scene
@@ -208,7 +208,7 @@ class Room:
         """Yield the steps that take agents from the ground to a height, and that height, m."""
         for step in steps:
             spec = self.registry.find("task", step.verb).offer
-            height = fill_defaults(step.options, spec.options).get("height")
+            height = step.options.get("height")
             if (spec.before, spec.after) == ("ground", "air") and isinstance(height, int | float):
                 yield step, height
 
@@ -240,11 +240,7 @@ class Room:
         given = self.data["avoider"]
         if isinstance(given, Incomplete) and "radius" not in given:
             return 0.0, ""
-        try:
-            options = self.registry.find("avoider", given["use"]).offer.options
-        except PluginError:
-            options = {}
-        radius = fill_defaults(given, options).get("radius")
+        radius = given.get("radius")
         own = (CONTACT_RADIUS, "a drone's radius")
         return own if radius is None else (radius, "avoider.radius")
 

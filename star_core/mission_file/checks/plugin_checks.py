@@ -10,7 +10,7 @@ from star_core.errors import PluginError
 from star_core.mission_file.checks.feasibility import position_code
 from star_core.mission_file.located import Location
 from star_core.mission_file.step_tree import Action
-from star_core.plugin_support.option_schema import fill_defaults, held
+from star_core.plugin_support.option_schema import held
 from star_core.plugin_support.specs import Problem, StepGoal
 from star_core.registry import Found, Registry
 from star_core.scene import Scene
@@ -28,7 +28,7 @@ class PluginChecks:
     Args:
         registry: Registry of the plugins.
         scene: What they are asked about.
-        planner: The mission's planner and its options: ``{use: name, ...}``.
+        planner: The mission's planner and its options: ``{use: name, ...}``, with defaults.
         enabled: Whether to call any: they may depend on everything in the scene.
     """
 
@@ -66,7 +66,7 @@ class PluginChecks:
 
     def held(self, step: Action) -> tuple[tuple[str, Any], ...]:
         """Return the exclusive resource that a step holds."""
-        return held(self._registry.find("task", step.verb).offer, step.options)
+        return held(self._registry.find("task", step.verb).offer, step.written)
 
     def _goal_problems(
         self, verb: str, options: Mapping[str, Any], rows: tuple[int, ...]
@@ -131,7 +131,7 @@ class PluginChecks:
             name: Of the plugin.
             function: Field of the offer that holds the function; it may be None.
             arguments: What it is called with.
-            options: Keyword arguments.
+            options: Keyword arguments, with defaults.
             sound: Whether a value is what it should yield.
             expected: What that is, in words.
         """
@@ -143,7 +143,7 @@ class PluginChecks:
         if call is None:
             return [], []
         try:
-            answer = list(call(*arguments, **fill_defaults(options, found.offer.options)))
+            answer = list(call(*arguments, **options))
         except (Exception, SystemExit) as error:  # noqa: BLE001 -- whatever it may raise
             return [], [_broken(found, kind, function, f"raised {error!r}", "plugin-failed")]
         return [one for one in answer if sound(one)], [

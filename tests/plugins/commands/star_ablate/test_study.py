@@ -63,7 +63,7 @@ def test_a_later_factor_sets_an_option_of_what_an_earlier_one_chose(
         HOP + "factors:\n  avoider: {orca: {avoider: orca}}\n  radius: {a: {avoider.radius: 0.2}}\n"
     )
     (condition,) = read(path, registry).conditions
-    assert dict(condition.mission.parts["avoider"].options) == {"radius": 0.2}
+    assert dict(condition.mission.parts["avoider"].written) == {"radius": 0.2}
 
 
 def test_without_factors_the_missions_are_flown_as_they_are(

@@ -59,7 +59,7 @@ def on_hardware() -> Mission:
 def radio_options() -> dict[str, Any]:
     part = on_hardware().parts["transport"]
     assert part.use == "radio"
-    return dict(part.options)
+    return dict(part.written)
 
 
 def test_parameters_of_a_robot_override_its_types_and_those_override_all(swarm: Swarm) -> None:
@@ -141,7 +141,7 @@ def test_with_landmarks_images_are_rendered_and_missing_decks_are_reported(
 ) -> None:
     place("lab.yaml", TAGS)
     told = swarm("ip_add: 192.168.1.101", "a: 1", files="lab.yaml")
-    assert load(IMPORTED, Registry()).parts["transport"].options == {}
+    assert load(IMPORTED, Registry()).parts["transport"].written == {}
     assert radio_options() == {"cameras": {"cf1": "192.168.1.101"}}
     assert "crazyflies: no ip_add for cf2: add the AI-decks' addresses to cameras" in told
 
