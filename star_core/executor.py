@@ -17,9 +17,7 @@ from star_core.execution.step_run import (
 )
 from star_core.messages.commands import Trajectory
 from star_core.messages.state import UNFIT
-from star_core.mission import Mission
-from star_core.mission_file.conditions import in_words
-from star_core.mission_file.step_tree import Action, Node, Parallel, Repeat
+from star_core.mission import Action, Mission, Node, Parallel, Repeat
 from star_core.observers import Observers
 from star_core.plugin_support.guard import Strikes
 from star_core.plugin_support.option_schema import JOIN, LEAVE
@@ -132,7 +130,7 @@ class StepExecutor:
             yield Status.SUCCESS
             return
         team = Team.of(holders, scene)
-        until = "" if action.until is None else f", until {in_words(action.until)}"
+        until = "" if action.until is None else f", until {action.until}"
         unlocated = [row for row in team.rows if not self._tick.estimate.valid[row]]
         wait = f", not located yet: {scene.named(unlocated)}" if unlocated else ""
         log(f"begins{until}{wait}", action, team.rows, rounds)

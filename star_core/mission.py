@@ -1,15 +1,110 @@
-"""A mission: what to fly, with which plugins; `mission_file.mission_loader` reads it."""
+"""A mission: what to fly, with which plugins."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from typing import Any
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal, TypeAlias
 
+from star_core.conditions import Condition
 from star_core.mission_file.located import Document
-from star_core.mission_file.step_tree import Node
 from star_core.plugin_support.discovery import Source
 from star_core.scene import Scene
+
+OnFailure: TypeAlias = Literal["abort", "land", "continue"]
+
+
+@dataclass(frozen=True, slots=True)
+class Action:
+    """One verb with its agents.
+
+    Attributes:
+        verb: Name of its task.
+        source: Distribution of the task.
+        rows: Its agents.
+        options: Options of the task, with the defaults of its schema.
+        until: The condition that ends it successfully; None if the task ends by itself.
+        timeout: Time after which it fails, s; None if the task derives it.
+        on_failure: What happens when it fails.
+        location: In the source, ``file:line:col``.
+        included_from: Locations of the ``include`` steps that it comes from, the outermost first.
+        path: Keys and indices from the top of the mission to the step.
+        known: Whether all of it could be interpreted.
+        written: All options of the step as the mission has them, `until` and the like included.
+    """
+
+    verb: str
+    source: Source
+    rows: tuple[int, ...]
+    options: Mapping[str, Any]
+    until: Condition | None
+    timeout: float | None
+    on_failure: OnFailure
+    location: str
+    included_from: tuple[str, ...] = ()
+    path: tuple[str | int, ...] = ()
+    known: bool = True
+    written: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def at(self) -> tuple[str | int, ...]:
+        """The path of the verb's options in the document."""
+        return (*self.path, self.verb)
+
+    @property
+    def label(self) -> str:
+        """File, line and verb, for messages: ``tour.yaml:3 (from patrol.yaml:5) goto``."""
+        origin = ", ".join(_short(one) for one in reversed(self.included_from))
+        return f"{_short(self.location)}{f' (from {origin})' if origin else ''} {self.verb}"
+
+
+@dataclass(frozen=True, slots=True)
+class Parallel:
+    """Steps that run at once; it is over when all of them are.
+
+    Attributes:
+        branches: One step each; of ``each``, one sequence for each agent.
+        at: The path of its branches in the document.
+        each: Whether it is an ``each``.
+    """
+
+    branches: tuple[Node, ...]
+    at: tuple[str | int, ...] = ()
+    each: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Repeat:
+    """Steps that run one after the other, several times."""
+
+    times: int
+    steps: tuple[Node, ...]
+    at: tuple[str | int, ...] = ()
+
+
+Node: TypeAlias = Action | Parallel | Repeat
+
+
+def nodes(steps: Sequence[Node], *, first: bool = False) -> Iterator[Node]:
+    """Yield every step, each before the steps in it, in the order of the file.
+
+    Args:
+        steps: One after the other, or at once.
+        first: Whether to yield, of the steps in a ``repeat``, only the one with which it begins.
+    """
+    for step in steps:
+        yield step
+        match step:
+            case Parallel(branches):
+                yield from nodes(branches, first=first)
+            case Repeat(_, inner):
+                yield from nodes(inner[:1] if first else inner, first=first)
+
+
+def actions(steps: Sequence[Node], *, first: bool = False) -> Iterator[Action]:
+    """Yield every action of some steps, as `nodes` does."""
+    return (node for node in nodes(steps, first=first) if isinstance(node, Action))
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,3 +170,13 @@ class Mission:
     def reserve_rows(self) -> tuple[int, ...]:
         """Rows of the agents that are in reserve at the start."""
         return tuple(self.scene.names.index(name) for name in self.reserve.get("agents", ()))
+
+
+def _short(location: str) -> str:
+    """Return a location without folder and column.
+
+    >>> _short("missions/patrol.yaml:5:3"), _short("--set mission=[]")
+    ('patrol.yaml:5', '--set mission=[]')
+    """
+    found = re.fullmatch(r"(?:.*/)?([^/]+:\d+):\d+", location)
+    return found[1] if found else location

@@ -8,15 +8,14 @@ from typing import Any, Final, Self, TypeAlias
 
 import numpy as np
 
+from star_core.conditions import ConditionContext
 from star_core.contracts import Status, Task, TaskOutput
 from star_core.errors import ContractError, shortlist
 from star_core.execution.assignments import Assignments, Team
 from star_core.execution.instructions import Draft
 from star_core.messages.commands import Trajectory
 from star_core.messages.state import AgentPhase, Estimate, Goals, Health
-from star_core.mission import Mission
-from star_core.mission_file.conditions import ConditionContext, holds, longest_wait
-from star_core.mission_file.step_tree import Action, actions
+from star_core.mission import Action, Mission, actions
 from star_core.observers import Observers
 from star_core.plugin_support.guard import (
     PluginGuard,
@@ -271,7 +270,7 @@ class StepRun:
             targets=[name for name, row in finders if row >= 0],
             events=self.shared.observers.events,
         )
-        return holds(self.action.until, now)
+        return self.action.until.holds(now)
 
 
 def _begin_task(
@@ -282,7 +281,7 @@ def _begin_task(
         if hasattr(task, "continue_from"):
             task.continue_from(draft.goals.goals())
         limit = checked_timeout(task.begin(tick.estimate, tick.health))
-    wait = None if action.until is None else longest_wait(action.until)
+    wait = None if action.until is None else action.until.longest_wait
     return step_timeout(limit, wait, action.timeout)
 
 

@@ -8,8 +8,7 @@ from functools import cache
 from importlib.metadata import PackageNotFoundError, requires, version
 from typing import Any
 
-from star_core.mission import Mission
-from star_core.mission_file.step_tree import actions
+from star_core.mission import Mission, actions
 from star_core.registry import Registry
 
 DISTRIBUTION = "star-swarm"

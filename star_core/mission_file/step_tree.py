@@ -7,13 +7,14 @@ the mistakes of all other steps are found in the same run.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from itertools import pairwise
-from typing import Any, Literal, TypeAlias
+from typing import Any, TypeAlias
 
 from star_core.errors import MAX_LISTED, PluginError, suggestion
-from star_core.mission_file.conditions import Condition
+from star_core.mission import Action, Node, Parallel, Repeat
+from star_core.mission_file import conditions
 from star_core.mission_file.located import Document, Location
 from star_core.mission_file.schema import UNKNOWN, Incomplete, Refused
 from star_core.plugin_support.discovery import Source
@@ -22,101 +23,8 @@ from star_core.plugin_support.specs import Problem
 from star_core.registry import Registry
 from star_core.scene import Scene
 
-OnFailure: TypeAlias = Literal["abort", "land", "continue"]
 Groups: TypeAlias = Mapping[str, tuple[int, ...]]
 """Rows by the name of an agent or a group, or ``all``."""
-
-
-@dataclass(frozen=True, slots=True)
-class Action:
-    """One verb with its agents.
-
-    Attributes:
-        verb: Name of its task.
-        source: Distribution of the task.
-        rows: Its agents.
-        options: Options of the task, with the defaults of its schema.
-        until: The condition that ends it successfully; None if the task ends by itself.
-        timeout: Time after which it fails, s; None if the task derives it.
-        on_failure: What happens when it fails.
-        location: In the source, ``file:line:col``.
-        included_from: Locations of the ``include`` steps that it comes from, the outermost first.
-        path: Of the step in the document.
-        known: Whether all of it could be interpreted.
-        written: Options of the task, as the mission has them.
-    """
-
-    verb: str
-    source: Source
-    rows: tuple[int, ...]
-    options: Mapping[str, Any]
-    until: Condition | None
-    timeout: float | None
-    on_failure: OnFailure
-    location: str
-    included_from: tuple[str, ...] = ()
-    path: Location = ()
-    known: bool = True
-    written: Mapping[str, Any] = field(default_factory=dict)
-
-    @property
-    def at(self) -> Location:
-        """The path of the verb's options in the document."""
-        return (*self.path, self.verb)
-
-    @property
-    def label(self) -> str:
-        """File, line and verb, for messages: ``tour.yaml:3 (from patrol.yaml:5) goto``."""
-        origin = ", ".join(_short(one) for one in reversed(self.included_from))
-        return f"{_short(self.location)}{f' (from {origin})' if origin else ''} {self.verb}"
-
-
-@dataclass(frozen=True, slots=True)
-class Parallel:
-    """Steps that run at once; it is over when all of them are.
-
-    Attributes:
-        branches: One step each; of ``each``, one sequence for each agent.
-        at: The path of its branches in the document.
-        each: Whether it is an ``each``.
-    """
-
-    branches: tuple[Node, ...]
-    at: Location = ()
-    each: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class Repeat:
-    """Steps that run one after the other, several times."""
-
-    times: int
-    steps: tuple[Node, ...]
-    at: Location = ()
-
-
-Node: TypeAlias = Action | Parallel | Repeat
-
-
-def nodes(steps: Sequence[Node], *, first: bool = False) -> Iterator[Node]:
-    """Yield every step, each before the steps in it, in the order of the file.
-
-    Args:
-        steps: One after the other, or at once.
-        first: Whether to yield, of the steps in a ``repeat``, only the one with which it begins.
-    """
-    for step in steps:
-        yield step
-        match step:
-            case Parallel(branches):
-                yield from nodes(branches, first=first)
-            case Repeat(_, inner):
-                yield from nodes(inner[:1] if first else inner, first=first)
-
-
-def actions(steps: Sequence[Node], *, first: bool = False) -> Iterator[Action]:
-    """Yield every action of some steps, as `nodes` does."""
-    return (node for node in nodes(steps, first=first) if isinstance(node, Action))
 
 
 def rows_of(given: str | list[str], groups: Groups) -> tuple[int, ...]:
@@ -203,28 +111,28 @@ class StepBuilder:
         self, verb: str, options: Mapping[str, Any], path: Location, rows: tuple[int, ...]
     ) -> Action:
         known, source = True, Source("")
-        written = {key: value for key, value in options.items() if key not in SHARED}
-        filled: Mapping[str, Any] = written
+        own = {key: value for key, value in options.items() if key not in SHARED}
         try:
             task = self._registry.find("task", verb)
-            source, filled = task.source, fill_defaults(written, task.offer.options)
+            source, own = task.source, fill_defaults(own, task.offer.options)
         except PluginError as error:
             self._report((*path, verb), error.message, error.code)
             known = False
-        until = options.get("until")
+        until: Any = options.get("until")
+        clear = isinstance(until, dict) and not isinstance(until, Incomplete)
         return Action(
             verb=verb,
             source=source,
             rows=rows,
-            options=filled,
-            until=None if isinstance(until, Incomplete) else until,
+            options=own,
+            until=conditions.parse(until) if clear else None,
             timeout=options.get("timeout"),
             on_failure=options.get("on_failure", "abort"),
             location=self._document.place(path),
             included_from=self._included_from(path),
             path=path,
             known=known,
-            written=written,
+            written=options,
         )
 
     def _unknown(self, path: Location) -> Action:
@@ -260,16 +168,6 @@ class StepBuilder:
 
     def _report(self, path: Location, message: str, code: str) -> None:
         self.problems.append(Problem(path, message, code))
-
-
-def _short(location: str) -> str:
-    """Return a location without folder and column.
-
-    >>> _short("missions/patrol.yaml:5:3"), _short("--set mission=[]")
-    ('patrol.yaml:5', '--set mission=[]')
-    """
-    found = re.fullmatch(r"(?:.*/)?([^/]+:\d+):\d+", location)
-    return found[1] if found else location
 
 
 def _no_agent(name: str, groups: Iterable[str]) -> str:

@@ -19,12 +19,9 @@ from star_core.messages.rotations import skew as skew
 from star_core.messages.rotations import wrap_angle as wrap_angle
 from star_core.messages.rotations import yaw_from_quaternion as yaw_from_quaternion
 from star_core.messages.state import with_possible_positions as with_possible_positions
-from star_core.mission_file.conditions import holds_from as holds_from
-from star_core.mission_file.conditions import in_words as in_words
-from star_core.mission_file.conditions import longest_wait as longest_wait
+from star_core.mission import actions as actions
 from star_core.mission_file.inner_plugin import check_inner as check_inner
 from star_core.mission_file.inner_plugin import make_inner as make_inner
-from star_core.mission_file.step_tree import actions as actions
 from star_core.plugin_support.guard import PluginGuard as PluginGuard
 from star_core.plugin_support.option_schema import fill_defaults as fill_defaults
 from star_core.plugin_support.specs import Exclusive as Exclusive

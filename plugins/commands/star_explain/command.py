@@ -14,7 +14,7 @@ from star_core.toolkit import Progress
 from star_explain.dry_run import Group, Part, StepResult, dry_run
 from star_explain.mermaid import mermaid
 from star_explain.plan import plan
-from star_explain.words import facts
+from star_explain.words import facts, own_options
 
 
 def run(options: argparse.Namespace, registry: Registry) -> int:
@@ -64,8 +64,8 @@ def _step(result: StepResult, times: dict[str, float | None]) -> dict[str, Any]:
         "verb": action.verb,
         "location": action.location,
         "agents": list(result.agents),
-        "options": dict(action.written),
-        "until": action.until,
+        "options": own_options(action),
+        "until": action.written.get("until"),
         "on_failure": action.on_failure,
         "fault": result.fault,
         "paths": {

@@ -15,7 +15,7 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 
 from star_core import AgentPhase, Array, Goals, Mission, Registry, StarError, Status, Task, TaskSpec
-from star_core.toolkit import holds_from, longest_wait, step_timeout
+from star_core.toolkit import step_timeout
 from star_explain import follows_surfaces
 from star_explain.dry_run_swarm import NO_TIME, DryRunSwarm
 from star_explain.separation import kept_distance
@@ -311,14 +311,14 @@ class _DryRun:
     def _limit(self, action: Any, task: Task, begun: float) -> float:
         """Begin a task and return the timeout of its step, as in a flight, s."""
         limit = float(task.begin(self._swarm.estimate(begun), self._swarm.health()))
-        wait = None if action.until is None else longest_wait(action.until)
+        wait = None if action.until is None else action.until.longest_wait
         return step_timeout(limit, wait, action.timeout)
 
     def _perform(
         self, action: Any, task: Task, rows: tuple[int, ...], begun: float, limit: float
     ) -> tuple[float | None, str]:
         """Run a step; return its duration, s, None if unknown, and why it fails."""
-        end = math.inf if action.until is None else holds_from(action.until, math.inf)
+        end = math.inf if action.until is None else action.until.holds_from(math.inf)
         goals: Goals | None = None
         # A timeout that the mission sets is ignored at first, to report the one that is needed.
         horizon = LONGEST if action.timeout is not None and action.until is None else limit

@@ -8,7 +8,7 @@ from itertools import count
 from star_core.toolkit import shortlist
 from star_explain.dry_run import Group, Part, StepResult
 from star_explain.plan import alike, ending, how, times, whose
-from star_explain.words import options
+from star_explain.words import options, own_options
 
 INDENT = "  "
 
@@ -92,8 +92,8 @@ class _Chart:
 
 def _rows(result: StepResult) -> Iterator[str]:
     yield f"{result.action.verb} {shortlist(result.agents) or 'no agents'}"
-    if result.action.written:
-        yield options(result.action.written)
+    if written := own_options(result.action):
+        yield options(written)
     yield times(result)
     yield from ending(result)
     for fault in (result.fault, *result.blocked):

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from star_core import Registry, TaskSpec
-from star_core.toolkit import in_words, shortlist
+from star_core.toolkit import shortlist
 from star_explain.dry_run import Group, Part, StepResult
-from star_explain.words import left_out, options, seconds
+from star_explain.words import left_out, options, own_options, seconds
 
 
 def plan(result: Group, registry: Registry) -> Iterator[str]:
@@ -52,7 +52,7 @@ def whose(part: Part) -> tuple[str, ...]:
 
 def ending(result: StepResult) -> list[str]:
     """Return how a step is flown, what ends it besides itself, and what its failure causes."""
-    until = [f"until {in_words(result.action.until)}"] if result.action.until is not None else []
+    until = [f"until {result.action.until}"] if result.action.until is not None else []
     what = {"land": "its agents land", "continue": "the next step begins"}
     on_board = ["flown on board: neither planner nor avoider steers"] if result.on_board else []
     return (
@@ -87,7 +87,7 @@ def _steps(group: Group, number: str, registry: Registry) -> Iterator[str]:
 
 
 def _step(result: StepResult, number: str, indent: str, registry: Registry) -> Iterator[str]:
-    given = options(result.action.written)
+    given = options(own_options(result.action))
     names = shortlist(result.agents) or "no agents"
     yield f"{indent}{number}  {result.action.verb} {names}{f'  {given}' if given else ''}"
     inside = indent + " " * (len(number) + 2)

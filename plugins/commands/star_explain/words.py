@@ -48,6 +48,11 @@ def options(given: Mapping[str, Any]) -> str:
     return ", ".join(f"{name}: {value(one)}" for name, one in given.items())
 
 
+def own_options(action: Any) -> dict[str, Any]:
+    """Return the options of a step's verb as written in the mission."""
+    return {name: one for name, one in action.written.items() if name in action.options}
+
+
 def left_out(given: Mapping[str, Any], schema: Mapping[str, Any]) -> dict[str, Any]:
     """Return the options of a schema that are not set, with their defaults."""
     return {

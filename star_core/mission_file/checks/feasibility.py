@@ -9,9 +9,9 @@ from itertools import combinations
 from typing import Any, Final
 
 from star_core.errors import MAX_LISTED, suggestion
+from star_core.mission import Action
 from star_core.mission_file.located import Document
 from star_core.mission_file.schema import Incomplete
-from star_core.mission_file.step_tree import Action
 from star_core.plugin_support.option_schema import JOIN
 from star_core.plugin_support.specs import Problem
 from star_core.registry import Registry

@@ -7,9 +7,9 @@ from numbers import Real
 from typing import Any, Final, TypeAlias
 
 from star_core.errors import PluginError
+from star_core.mission import Action
 from star_core.mission_file.checks.feasibility import position_code
 from star_core.mission_file.located import Location
-from star_core.mission_file.step_tree import Action
 from star_core.plugin_support.option_schema import held
 from star_core.plugin_support.specs import Problem, StepGoal
 from star_core.registry import Found, Registry

@@ -9,19 +9,12 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, Final, Literal, TypeAlias
 
 from star_core.errors import MAX_LISTED, suggestion
+from star_core.mission import Action, Node, Parallel, Repeat, actions, nodes
 from star_core.mission_file import conditions
 from star_core.mission_file.checks import feasibility
 from star_core.mission_file.checks.plugin_checks import PluginChecks
 from star_core.mission_file.located import Document, Location
 from star_core.mission_file.schema import Incomplete
-from star_core.mission_file.step_tree import (
-    Action,
-    Node,
-    Parallel,
-    Repeat,
-    actions,
-    nodes,
-)
 from star_core.plugin_support.option_schema import JOIN, LEAVE, PARTS
 from star_core.plugin_support.specs import Problem
 from star_core.registry import Registry

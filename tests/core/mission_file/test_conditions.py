@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -9,10 +10,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from star_core import Event
+from star_core.conditions import ConditionContext
 from star_core.mission_file import conditions, schema
-from star_core.mission_file.conditions import ConditionContext, holds, longest_wait, problems
+from star_core.mission_file.conditions import parse, problems
 from star_core.testing import estimate, health
 
 NAMES = ("cf1", "cf2", "cf3")
@@ -51,7 +55,7 @@ def now(**changes: Any) -> ConditionContext:
     ids=str,
 )
 def test_a_condition_holds(condition: dict[str, Any]) -> None:
-    assert holds(condition, now())
+    assert parse(condition).holds(now())
 
 
 @pytest.mark.parametrize(
@@ -71,19 +75,18 @@ def test_a_condition_holds(condition: dict[str, Any]) -> None:
     ids=str,
 )
 def test_a_condition_does_not_hold(condition: dict[str, Any]) -> None:
-    assert not holds(condition, now())
+    assert not parse(condition).holds(now())
 
 
 def test_an_agent_that_is_nowhere_is_near_nothing() -> None:
     nowhere = np.full((3, 3), np.nan)
     there = now(estimate=estimate(nowhere, time=15.0))
-    assert not holds({"near": {"point": [0, 0, 1], "within": 99}}, there)
+    assert not parse({"near": {"point": [0, 0, 1], "within": 99}}).holds(there)
 
 
 def test_a_battery_that_is_not_reported_is_not_low() -> None:
-    assert not holds(
-        {"battery_below": 9}, now(health=replace(health(3), battery=np.full(3, np.nan)))
-    )
+    unknown = now(health=replace(health(3), battery=np.full(3, np.nan)))
+    assert not parse({"battery_below": 9}).holds(unknown)
 
 
 @pytest.mark.parametrize(
@@ -99,14 +102,14 @@ def test_a_battery_that_is_not_reported_is_not_low() -> None:
 def test_how_long_a_condition_waits_is_the_longest_time_in_it(
     condition: dict[str, Any], time: float
 ) -> None:
-    assert longest_wait(condition) == time
+    assert parse(condition).longest_wait == time
 
 
 def test_a_place_that_agents_come_near_may_be_one_where_they_cannot_be() -> None:
     near = {"near": {"point": [3, 0, 0], "within": 1}}
 
     def found(metres: float) -> list[Any]:
-        return list(problems(near, NAMES, (), outside=lambda _: metres))
+        return list(problems(parse(near), NAMES, (), outside=lambda _: metres))
 
     assert found(1.0) == []
     assert [problem.path for problem in found(1.1)] == [("near", "point")]
@@ -114,8 +117,8 @@ def test_a_place_that_agents_come_near_may_be_one_where_they_cannot_be() -> None
 
 def test_an_agent_among_others_may_be_near_itself_but_not_alone() -> None:
     near = {"near": {"agent": NAMES[0], "within": 1}}
-    assert list(problems(near, NAMES, (), of_step=NAMES[:2])) == []
-    (problem,) = problems(near, NAMES, (), of_step=NAMES[:1])
+    assert list(problems(parse(near), NAMES, (), of_step=NAMES[:2])) == []
+    (problem,) = problems(parse(near), NAMES, (), of_step=NAMES[:1])
     assert problem.path == ("near", "agent")
     assert problem.code == "agent-conflict"
     assert problem.message == f"{NAMES[0]!r} is always near itself; name another agent"
@@ -141,7 +144,48 @@ def test_an_agent_among_others_may_be_near_itself_but_not_alone() -> None:
 def test_what_cannot_be_meant_is_reported_with_its_place(
     condition: dict[str, Any], fault: tuple[tuple[str | int, ...], str]
 ) -> None:
-    assert [one[:2] for one in problems(condition, NAMES, ("bat", "survivor"))] == [fault]
+    assert [one[:2] for one in problems(parse(condition), NAMES, ("bat", "survivor"))] == [fault]
+
+
+# Times and clauses
+
+leaves = st.sampled_from(
+    [{"found": 1}, {"elapsed": 3.0}, {"elapsed": 9.0}, {"event": "x"}, {"battery_below": 3.5},
+     {"near": {"point": [0, 0, 1], "within": 0.5}}, {"near": {"agent": "a", "within": 0.5}},
+     {"found": "survivor"}]
+)  # fmt: skip
+written = st.recursive(
+    leaves,
+    lambda inner: (
+        st.builds(lambda one: {"not": one}, inner)
+        | st.builds(lambda kind, some: {kind: some}, st.sampled_from(["any", "all"]),
+                    st.lists(inner, min_size=1, max_size=3))
+    ),
+)  # fmt: skip
+
+
+@given(written)
+def test_a_condition_holds_when_only_time_is_asked_for_no_later_than_it_waits(
+    one: dict[str, Any],
+) -> None:
+    condition = parse(one)
+    whatever, at_least = condition.holds_from(math.inf), condition.holds_from(0.0)
+    assert whatever in {3.0, 9.0, math.inf}
+    assert at_least <= whatever
+    if "not" not in str(one) and whatever < math.inf:
+        assert whatever <= condition.longest_wait
+
+
+@given(written)
+def test_every_condition_is_a_clause(one: dict[str, Any]) -> None:
+    assert "{" not in str(parse(one))
+
+
+def test_every_kind_of_the_schema_is_tried_here() -> None:
+    kinds = schema.load("mission")["$defs"]["condition"]["properties"]
+    assert {*kinds} == {
+        *("any", "all", "not", "elapsed", "found", "near", "battery_below", "event")
+    }
 
 
 # Events
@@ -184,4 +228,4 @@ def test_a_condition_that_cannot_hold_without_a_find_is_known(
     condition: dict[str, Any],
     needs: bool,  # noqa: FBT001 -- what is expected
 ) -> None:
-    assert conditions.needs_find(condition) is needs
+    assert conditions.needs_find(parse(condition)) is needs

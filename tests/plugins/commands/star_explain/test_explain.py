@@ -7,15 +7,12 @@ import math
 import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from star_core import InputError, Registry, Status, TaskOutput, TaskSpec, fly, hookimpl, load
 from star_core.commands.main import main as star
-from star_core.mission_file.conditions import KINDS, holds_from, in_words, longest_wait
 from star_core.toolkit import Exclusive
 from star_explain.dry_run import Group, StepResult, dry_run
 from star_explain.plan import plan
@@ -287,41 +284,6 @@ def test_safety_rules_are_reported_with_their_numbers(explain: Explain) -> None:
     assert "  battery_low: battery below 3.6 V, then land\n" in text
     assert "  link_lost: no message for 0.5 s, then hold\n" in text
     assert "  tumbled: tumbled, crashed, locked, rebooted or on the floor, then stop\n" in text
-
-
-leaves = st.sampled_from(
-    [{"found": 1}, {"elapsed": 3.0}, {"elapsed": 9.0}, {"event": "x"}, {"battery_below": 3.5},
-     {"near": {"point": [0, 0, 1], "within": 0.5}}, {"near": {"agent": "a", "within": 0.5}},
-     {"found": "survivor"}]
-)  # fmt: skip
-conditions = st.recursive(
-    leaves,
-    lambda inner: (
-        st.builds(lambda one: {"not": one}, inner)
-        | st.builds(lambda kind, some: {kind: some}, st.sampled_from(["any", "all"]),
-                    st.lists(inner, min_size=1, max_size=3))
-    ),
-)  # fmt: skip
-
-
-@given(conditions)
-def test_a_condition_holds_when_only_time_is_asked_for_no_later_than_it_waits(
-    one: dict[str, Any],
-) -> None:
-    whatever, at_least = holds_from(one, math.inf), holds_from(one, 0.0)
-    assert whatever in {3.0, 9.0, math.inf}
-    assert at_least <= whatever
-    if "not" not in str(one) and whatever < math.inf:
-        assert whatever <= longest_wait(one)
-
-
-@given(conditions)
-def test_every_condition_is_a_clause(one: dict[str, Any]) -> None:
-    assert "{" not in in_words(one)
-
-
-def test_every_kind_of_condition_is_known_here() -> None:
-    assert set(KINDS) == {"any", "all", "not", "elapsed", "found", "near", "battery_below", "event"}
 
 
 CHARTS = [
