@@ -21,8 +21,6 @@ from star_core.mission import Action, Mission, Node, Parallel, Repeat
 from star_core.observers import Observers
 from star_core.plugin_support.guard import Strikes
 from star_core.plugin_support.option_schema import JOIN, LEAVE
-from star_core.plugin_support.timing import ComputeTime
-from star_core.registry import Registry
 
 
 class StepExecutor:
@@ -30,10 +28,9 @@ class StepExecutor:
 
     Args:
         mission: What to fly.
-        registry: Where its verbs are found.
+        tasks: Of its steps.
         assignments: The agents of the mission; an agent that loses its slot leaves its steps.
         observers: Receive the begin and the end of each step; their events end steps.
-        compute_time: Measures each task.
         strikes: Counts the failures of each.
 
     Attributes:
@@ -44,15 +41,14 @@ class StepExecutor:
     def __init__(
         self,
         mission: Mission,
-        registry: Registry,
+        tasks: TaskPool,
         assignments: Assignments,
         observers: Observers,
-        compute_time: ComputeTime,
         strikes: Strikes,
     ) -> None:
         self._assignments = assignments
-        self._tasks = TaskPool(mission, registry, compute_time)
-        self._shared = Execution(mission.scene, assignments, self._tasks, observers, strikes)
+        self._tasks = tasks
+        self._shared = Execution(mission.scene, assignments, tasks, observers, strikes)
         self._tick: TickContext
         self._draft: Draft
         self._running = self._sequence(mission.steps)

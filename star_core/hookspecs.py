@@ -31,6 +31,7 @@ if TYPE_CHECKING:
         TaskSpec,
         TransportSpec,
     )
+    from star_core.toolkit import Rehearsal
 
 PROJECT = "star"
 
@@ -114,10 +115,19 @@ def star_file_kinds(registry: Registry) -> Iterable[FileKindSpec]:  # type: igno
 
 
 @hookspec(firstresult=True)
-def star_expected_duration(mission: Mission, registry: Registry) -> float | None:
-    """Return the mission time that a flight takes if nothing delays it, s; None if unknown.
+def star_rehearse(mission: Mission, registry: Registry) -> Rehearsal | None:
+    """Return a rehearsal of a mission: when its steps begin and end, and where its agents are.
 
-    It is for the display of progress: called once, in flights that take long.
+    Call it as ``registry.manager.hook.star_rehearse(mission=mission, registry=registry)``; None if
+    no plugin rehearses missions. It takes a fraction of a second for each minute of the mission.
+
+    Example:
+        >>> from star_core import Registry, load
+        >>> registry = Registry()
+        >>> mission = load("missions/first_flight.yaml", registry)
+        >>> rehearsal = registry.manager.hook.star_rehearse(mission=mission, registry=registry)
+        >>> [step.action.verb for step in rehearsal.steps][:2], rehearsal.position.shape[1:]
+        (['takeoff', 'goto'], (3, 3))
     """
 
 

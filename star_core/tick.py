@@ -16,7 +16,7 @@ from star_core.execution.instructions import GoalDraft, Instructions, hold
 from star_core.execution.land_all import LandAll
 from star_core.execution.landing import LandingManager
 from star_core.execution.reserves import ReserveManager
-from star_core.execution.step_run import TickContext
+from star_core.execution.step_run import TaskPool, TickContext
 from star_core.executor import StepExecutor
 from star_core.geometry.neighbours import Pairs
 from star_core.messages.arrays import Mask, every, some
@@ -96,8 +96,9 @@ class ControlLoop:
         self._uncertain = UncertainAgents(scene, partial(observers.event, "safety"))
         self._grounded = GroundedAgents(n, scene.limits)
         self._vehicles = VehicleInterface(scene, pipeline, observers)
+        tasks = TaskPool(mission, registry, pipeline.compute_time)
         self._executor = StepExecutor(
-            mission, registry, self._assignments, observers, pipeline.compute_time, pipeline.strikes
+            mission, tasks, self._assignments, observers, pipeline.strikes
         )
         report = partial(observers.event, "relief")
         self._reserves = (

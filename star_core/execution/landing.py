@@ -18,6 +18,7 @@ from star_core.messages.telemetry import Supervisor, Telemetry
 from star_core.observers import Observers
 from star_core.safety.agents_in_the_way import MAX_REPORT_AGE
 from star_core.scene import Scene
+from star_core.toolkit.landing_time import min_landing_time
 from star_core.toolkit.timeouts import timeout
 from star_core.vehicle_interface import VehicleInterface
 
@@ -37,8 +38,6 @@ LAND_SPEED: Final = 0.3  # m/s, when the core itself lands
 CONTROLLER_LAG: Final = 0.5  # s, by which the firmware's default controller follows a plan late
 LAG_ALLOWANCE: Final = 2 * CONTROLLER_LAG  # s, for a landing: its plan ends with the motors off
 LAND_DEPTH: Final = 0.15  # m below the floor, at which it ends: drones hover up to 0.12 m too high
-MIN_LAND_TIME: Final = 3.0  # s, of a landing from the floor, and
-MIN_LAND_TIME_PER_HEIGHT: Final = 2.0  # s/m, with which a plan crosses the floor at 0.3 m/s or less
 CLIMB_LAND_DEPTH: Final = 0.25  # m: after a climb that is broken off drones follow a plan higher
 CLIMB_LAND_TIME: Final = 4.0  # s, of such a landing, and
 CLIMB_LAND_TIME_PER_HEIGHT: Final = 2.5  # s/m
@@ -202,7 +201,7 @@ class LandingManager:
         duration = height / LAND_SPEED + LAG_ALLOWANCE
         if durations is not None:
             duration = np.where(np.isnan(durations), duration, durations)
-        least = MIN_LAND_TIME + MIN_LAND_TIME_PER_HEIGHT * height
+        least = min_landing_time(height)
         least[climbs] = CLIMB_LAND_TIME + CLIMB_LAND_TIME_PER_HEIGHT * height[climbs]
         duration = np.maximum(duration, least)
         position[:, 2] = np.where(climbs, -CLIMB_LAND_DEPTH, -LAND_DEPTH)

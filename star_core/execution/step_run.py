@@ -306,7 +306,7 @@ class TaskPool:
         self.trajectories: tuple[Trajectory, ...] = ()
         try:
             for action in actions(mission.steps):
-                task = self._ready[id(action)] = self._make(action, action.rows)
+                task = self._ready[id(action)] = self.make(action, action.rows)
                 self._add_trajectories(task, self._guard(action))
         except BaseException:
             self.close()
@@ -315,7 +315,7 @@ class TaskPool:
     def take(self, action: Action, rows: tuple[int, ...]) -> tuple[Task, PluginGuard]:
         """Return a task of a step for some of its agents, and the guard that names its plugin."""
         ready = self._ready.pop(id(action), None) if rows == action.rows else None
-        return ready or self._make(action, rows), self._guard(action, timed=True)
+        return ready or self.make(action, rows), self._guard(action, timed=True)
 
     def close(self) -> list[str]:
         """Close every task that has ``close()``; return their errors."""
@@ -331,7 +331,7 @@ class TaskPool:
                 if given not in self.trajectories:
                     self.trajectories += (given,)
 
-    def _make(self, action: Action, rows: tuple[int, ...]) -> Task:
+    def make(self, action: Action, rows: tuple[int, ...]) -> Task:
         """Make a step's task for some of its agents."""
         spec = self._registry.find("task", action.verb).offer
         options = dict(action.options)

@@ -17,9 +17,8 @@ from time import monotonic, perf_counter, thread_time
 from types import FrameType
 from typing import Any, Final, Self
 
-from numba.core.event import Listener, register
-
 from star_core.plugin_support.guard import PluginTimeout
+from star_core.toolkit.compile_time import compiling
 
 log = logging.getLogger(__name__)
 
@@ -37,33 +36,6 @@ REPORTED_KINDS: Final = 2  # kinds of plugins named in the report of a late tick
 MIN_REPORTED_TIME: Final = 1e-3  # s, least computing time named in it
 REPORT_INTERVAL: Final = 10.0  # s, least time between two reports of late ticks
 LABELS: Final = {"safety": "safety filter"}
-
-
-class CompileTimer(Listener):
-    """Adds up the time that numba has compiled in this process.
-
-    Attributes:
-        elapsed: So far, s.
-    """
-
-    def __init__(self) -> None:
-        self.elapsed = 0.0
-        self._depth = 0
-        self._begun = 0.0
-
-    def on_start(self, _event: Any) -> None:
-        if not self._depth:
-            self._begun = perf_counter()
-        self._depth += 1
-
-    def on_end(self, _event: Any) -> None:
-        self._depth -= 1
-        if not self._depth:
-            self.elapsed += perf_counter() - self._begun
-
-
-compiling = CompileTimer()
-register("numba:compiler_lock", compiling)  # type: ignore[no-untyped-call]
 
 
 class Watchdog:

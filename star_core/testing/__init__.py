@@ -13,24 +13,11 @@ In a plugin's tests::
 ``make`` makes the plugin for a scene, ``scene`` the scene of a number of agents. The message of an
 error begins with the case. Every check returns the mean time of a call, s, by the number of agents;
 pytest prints it.
+
+`PointMasses` is a transport to points; `MissionSteps` runs the steps of a mission without the rest
+of a flight.
 """
 
-from star_core.testing.calls import SIZES, Times, reports
-from star_core.testing.inputs import estimate, health, scene
-from star_core.testing.steering import check_avoider, check_localizer, check_planner
-from star_core.testing.task import check_task
-from star_core.testing.transport import check_transport
+from star_core.lazy_names import lazy_names
 
-__all__ = [
-    "SIZES",
-    "Times",
-    "check_avoider",
-    "check_localizer",
-    "check_planner",
-    "check_task",
-    "check_transport",
-    "estimate",
-    "health",
-    "reports",
-    "scene",
-]
+__all__, __getattr__, __dir__ = lazy_names(__name__, __file__)

@@ -8,12 +8,11 @@ from typing import Final
 
 import numpy as np
 
-from star_core.contracts import Status, Task, TaskOutput
+from star_core.contracts import Status, Task
 from star_core.errors import ContractError
 from star_core.execution.instructions import Draft, Instructions
 from star_core.messages.arrays import Mask
-from star_core.messages.commands import Command, Order
-from star_core.messages.state import AgentPhase, Estimate, Goals, Health
+from star_core.messages.state import AgentPhase, Estimate, Goals, Setpoint
 from star_core.plugin_support.guard import require_methods
 from star_core.plugin_support.outputs import checked_timeout
 from star_core.scene import Scene
@@ -27,9 +26,11 @@ from star_core.testing.calls import (
     reported,
     require_same,
 )
-from star_core.testing.inputs import estimate, health, scene
+from star_core.testing.inputs import scene
+from star_core.testing.point_masses import PointMasses, straight_velocity
 
 TASK_TIME: Final = 4.0  # s, for which a task is called if it is not over before
+HEIGHT: Final = 0.8  # m, of agents that fly when it begins
 
 UNLOCATED: Final = range(5, 8)  # ticks of a task in which its first agent is not located
 CHANGES: Final[Mapping[int, tuple[str, Callable[[tuple[int, ...]], tuple[int, ...]]]]] = {
@@ -64,7 +65,9 @@ def check_task(
         room, rows = scene(n), tuple(range(0, n, 2))
         tasks = [make(room, rows) for _ in range(2)]
         require_methods(tasks[0], Task)
-        swarm = _PointMasses(room, phase)
+        starts = np.array([agent.start for agent in room.agents])
+        starts[:, 2] = 0.0 if phase is AgentPhase.GROUNDED else HEIGHT
+        swarm = PointMasses(starts, phase=phase)
         draft = Draft(Instructions(Goals.none(n)))
         trajectories = getattr(tasks[0], "trajectories", ())
         took, status = [0.0], Status.RUNNING
@@ -72,7 +75,7 @@ def check_task(
             if status is not Status.RUNNING:
                 break
             lost = (np.arange(n) == 0) & (tick in UNLOCATED)
-            inputs = swarm.estimate(lost), swarm.health()
+            inputs = _without(lost, swarm.estimate()), swarm.health()
             with labeled(f"task of {agents_of(n)}, tick {tick}"):
                 if not tick:
                     require_same(*(checked_timeout(task.begin(*inputs)) for task in tasks))
@@ -83,7 +86,12 @@ def check_task(
                 status = draft.add(output, own, trajectories).status
                 if status is Status.FAILURE and not output.reason:
                     raise ContractError("failed without TaskOutput.reason, which users are shown")
-                swarm.move(output)
+                for command in output.commands:
+                    swarm.command(command)
+                target = draft.goals.goals()
+                velocity = straight_velocity(swarm.position, target, room.period)
+                swarm.send(Setpoint(velocity, target.yaw, target.active & swarm.steered()))
+                swarm.wait(swarm.time + room.period)
         close_all(tasks)
         means[n] = float(np.mean(took[2:] or took))
     return reported(tasks[0], means)
@@ -102,55 +110,7 @@ def _changed(tasks: Sequence[Task], rows: tuple[int, ...], tick: int) -> tuple[i
     return after
 
 
-class _PointMasses:
-    """Agents that do at once what a task wants."""
-
-    def __init__(self, room: Scene, phase: AgentPhase) -> None:
-        n = len(room.agents)
-        self._period, self._time = room.period, 0.0
-        self._position = np.array([agent.start for agent in room.agents])
-        self._position[:, 2] = 0.0 if phase is AgentPhase.GROUNDED else 0.8
-        self._phase = np.full(n, int(phase))
-        self._goals = Goals.none(n)
-        self._target = self._position.copy()
-        self._after = self._phase.copy()
-        self._due = np.full(n, np.inf)
-
-    def estimate(self, lost: Mask) -> Estimate:
-        gone = np.where(lost, np.nan, 0.0)
-        now = estimate(self._position + gone[:, None], time=self._time)
-        return replace(now, valid=~lost)
-
-    def health(self) -> Health:
-        return replace(health(len(self._phase)), phase=self._phase)
-
-    def move(self, output: TaskOutput) -> None:
-        self._time += self._period
-        self._goals = output.goals or self._goals
-        way = self._goals.position - self._position
-        far = np.linalg.norm(way, axis=1, keepdims=True)
-        reach = self._goals.speed[:, None] * self._period
-        flies = self._goals.active & (self._phase == AgentPhase.FLYING)
-        step = way * np.minimum(1.0, reach / np.maximum(far, 1e-9))
-        self._position = self._position + np.where(flies[:, None], step, 0.0)
-        for command in output.commands:
-            self._obey(command)
-        done = self._due <= self._time + 1e-9
-        self._position[done], self._phase[done] = self._target[done], self._after[done]
-        self._due[done] = np.inf
-
-    def _obey(self, command: Command) -> None:
-        rows = command.agent
-        phases = {
-            Order.TAKEOFF: (AgentPhase.TAKING_OFF, AgentPhase.FLYING),
-            Order.LAND: (AgentPhase.LANDING, AgentPhase.LANDED),
-        }
-        self._target[rows] = self._position[rows]
-        self._due[rows] = self._time + command.duration
-        if command.order in phases:
-            self._phase[rows], self._after[rows] = phases[command.order]
-            self._target[rows, 2] = command.position[:, 2]
-        else:
-            self._after[rows] = self._phase[rows]
-            if command.order is Order.GOTO:
-                self._target[rows] = command.position
+def _without(lost: Mask, estimate: Estimate) -> Estimate:
+    """Return an estimate in which some agents are not located."""
+    gone = np.where(lost, np.nan, 0.0)
+    return replace(estimate, position=estimate.position + gone[:, None], valid=~lost)

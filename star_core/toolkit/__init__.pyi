@@ -19,6 +19,10 @@ from star_core.messages.rotations import skew as skew
 from star_core.messages.rotations import wrap_angle as wrap_angle
 from star_core.messages.rotations import yaw_from_quaternion as yaw_from_quaternion
 from star_core.messages.state import with_possible_positions as with_possible_positions
+from star_core.mission import Action as Action
+from star_core.mission import Node as Node
+from star_core.mission import Parallel as Parallel
+from star_core.mission import Repeat as Repeat
 from star_core.mission import actions as actions
 from star_core.mission_file.inner_plugin import check_inner as check_inner
 from star_core.mission_file.inner_plugin import make_inner as make_inner
@@ -27,6 +31,9 @@ from star_core.plugin_support.option_schema import fill_defaults as fill_default
 from star_core.plugin_support.specs import Exclusive as Exclusive
 from star_core.plugin_support.specs import KindSpec as KindSpec
 from star_core.plugin_support.specs import Spec as Spec
+from star_core.rehearsal import Outcome as Outcome
+from star_core.rehearsal import Rehearsal as Rehearsal
+from star_core.rehearsal import RehearsedStep as RehearsedStep
 from star_core.safety.ground_evidence import GroundEvidence as GroundEvidence
 from star_core.toolkit.camera_model import CameraModel as CameraModel
 from star_core.toolkit.camera_model import distort as distort
@@ -36,6 +43,7 @@ from star_core.toolkit.camera_model import square_poses as square_poses
 from star_core.toolkit.camera_model import upright_misfit as upright_misfit
 from star_core.toolkit.jit import compiled as compiled
 from star_core.toolkit.jit import subroutine as subroutine
+from star_core.toolkit.landing_time import min_landing_time as min_landing_time
 from star_core.toolkit.mosaic import gray_from_mosaic as gray_from_mosaic
 from star_core.toolkit.options import number as number
 from star_core.toolkit.options import positive as positive

@@ -18,6 +18,7 @@ from numba.core.dispatcher import Dispatcher
 from numba.core.event import Listener, register
 from numba.extending import typeof_impl
 
+from star_core.toolkit.compile_time import compiling
 from star_core.toolkit.progress import Progress
 
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -227,4 +228,15 @@ class _CompilationReporter(Listener):
                 gc.enable()
 
 
+class _CompileTimeListener(Listener):
+    """Measures the time that numba compiles, whatever it compiles."""
+
+    def on_start(self, _event: Any) -> None:
+        compiling.begin()
+
+    def on_end(self, _event: Any) -> None:
+        compiling.end()
+
+
 register("numba:compile", _CompilationReporter())  # type: ignore[no-untyped-call]
+register("numba:compiler_lock", _CompileTimeListener())  # type: ignore[no-untyped-call]

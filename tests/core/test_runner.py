@@ -27,14 +27,13 @@ from star_core.execution.landing import (
     CONTROLLER_LAG,
     LAND_DEPTH,
     LAND_SPEED,
-    MIN_LAND_TIME,
-    MIN_LAND_TIME_PER_HEIGHT,
 )
 from star_core.mission_file import file_kinds
 from star_core.plugin_support.discovery import Source
 from star_core.registry import Registry
 from star_core.runner import outcome_of
 from star_core.tick import MAX_LOST_TIME
+from star_core.toolkit.landing_time import MIN_LAND_TIME, MIN_LAND_TIME_PER_HEIGHT
 from tests.core.conftest import TOUR, Lab
 
 FLYING = range(20, 10**6)  # calls: the agents fly from the 11th tick to the 31st

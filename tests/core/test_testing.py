@@ -248,9 +248,7 @@ def test_tasks_that_break_their_contract_are_refused(
 
 def robots(scene: Scene) -> Robots:
     n = len(scene.agents)
-    there = Robots(Transform(np.zeros(n), np.zeros((n, 3))))
-    there.close = lambda: None  # type: ignore[attr-defined]
-    return there
+    return Robots(Transform(np.zeros(n), np.zeros((n, 3))))
 
 
 def without(*flags: Supervisor) -> Callable[..., Any]:

@@ -93,11 +93,11 @@ def run_mission(  # noqa: PLR0913 -- options of the command
 def _expected_duration(mission: Mission, registry: Registry) -> float | None:
     """Return how long plugins expect the mission to take, s, if one of them knows."""
     try:
-        found = registry.manager.hook.star_expected_duration(mission=mission, registry=registry)
-        return None if found is None else float(found)
+        rehearsal = registry.manager.hook.star_rehearse(mission=mission, registry=registry)
     except Exception:
         log_messages.debug("the duration of the mission cannot be estimated", exc_info=True)
         return None
+    return None if rehearsal is None else rehearsal.duration
 
 
 def _folder(out: str | None, name: str) -> Path:

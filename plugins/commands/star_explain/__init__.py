@@ -1,4 +1,4 @@
-"""Command ``star explain``: prints a mission as a plan, or draws it; checks by a dry run."""
+"""Command ``star explain``: prints a mission as a plan, or draws it; checks by a rehearsal."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from star_core.toolkit import actions
 
 if TYPE_CHECKING:
     from star_core import Mission, Registry
+    from star_core.toolkit import Rehearsal
 
 MOST_COMPARED = 100  # agents: comparing the pairs of more takes many seconds
 
@@ -88,7 +89,7 @@ def follows_surfaces(mission: Mission, registry: Registry) -> bool:
 
 
 @hookimpl
-def star_expected_duration(mission: Mission, registry: Registry) -> float | None:
-    from star_explain.dry_run import dry_run
+def star_rehearse(mission: Mission, registry: Registry) -> Rehearsal:
+    from star_explain.rehearse import rehearse
 
-    return dry_run(mission, registry).takes
+    return rehearse(mission, registry)

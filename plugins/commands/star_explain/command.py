@@ -10,10 +10,11 @@ from typing import Any
 
 from star_core import Registry, load
 from star_core.commands import add_set_option
-from star_core.toolkit import Progress
-from star_explain.dry_run import Group, Part, StepResult, dry_run
+from star_core.toolkit import Progress, Rehearsal
 from star_explain.mermaid import mermaid
+from star_explain.origins import Origins
 from star_explain.plan import plan
+from star_explain.results import Group, Part, StepResult, results
 from star_explain.words import facts, own_options
 
 
@@ -25,11 +26,12 @@ def run(options: argparse.Namespace, registry: Registry) -> int:
     """
     with Progress(f"rehearsing {options.mission}"):
         mission = load(Path(options.mission), registry, options.set)
-        result = dry_run(mission, registry)
+        rehearsal = registry.manager.hook.star_rehearse(mission=mission, registry=registry)
+        result = results(mission, registry, rehearsal, Origins(mission, registry, rehearsal))
     if options.mermaid:
         text = mermaid(mission.name, result)
     elif options.json:
-        text = json.dumps({"mission": mission.name, "plan": as_data(result)}, indent=2) + "\n"
+        text = json.dumps({"mission": mission.name, "plan": as_data(result, rehearsal)}, indent=2)
     else:
         text = "\n".join([*facts(mission, registry), "", *plan(result, registry)]) + "\n"
     sys.stdout.write(text)
@@ -49,16 +51,22 @@ def configure(line: argparse.ArgumentParser) -> None:
     how.add_argument("--json", action="store_true", help="print the steps as JSON, only")
 
 
-def as_data(part: Part) -> dict[str, Any]:
+def as_data(part: Part, rehearsal: Rehearsal) -> dict[str, Any]:
     """Return a step as plain data: times in s, null if unknown."""
     times = {"takes_s": part.takes, "timeout_s": part.limit}
     if isinstance(part, Group):
         how = "at_once" if part.at_once else "in_order"
-        return {how: [as_data(inner) for inner in part.parts], "times": part.times, **times}
-    return _step(part, times)
+        return {
+            how: [as_data(inner, rehearsal) for inner in part.parts],
+            "times": part.times,
+            **times,
+        }
+    return _step(part, rehearsal, times)
 
 
-def _step(result: StepResult, times: dict[str, float | None]) -> dict[str, Any]:
+def _step(
+    result: StepResult, rehearsal: Rehearsal, times: dict[str, float | None]
+) -> dict[str, Any]:
     action = result.action
     return {
         "verb": action.verb,
@@ -69,8 +77,9 @@ def _step(result: StepResult, times: dict[str, float | None]) -> dict[str, Any]:
         "on_failure": action.on_failure,
         "fault": result.fault,
         "paths": {
-            name: path.round(3).tolist()
-            for name, path in zip(result.agents, result.paths, strict=False)
+            name: rehearsal.path(step, row).round(3).tolist()
+            for step in result.rounds[:1]
+            for name, row in zip(result.agents, step.rows, strict=True)
         },
         **times,
     }

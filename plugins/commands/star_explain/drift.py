@@ -10,10 +10,10 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from star_core import Array, Mask, Mission, Problem, Registry
-from star_core.toolkit import ALONE_SHARE, CONTACT_RADIUS, MAX_MARGIN_RATIO
+from star_core.toolkit import ALONE_SHARE, CONTACT_RADIUS, MAX_MARGIN_RATIO, Rehearsal
 from star_explain.separation import kept_distance
-from star_explain.tracks import PERIOD, Tracks
 
+PERIOD: Final = 0.5  # s
 MIN_SPEED: Final = 0.1  # m/s, relative: two agents that are slower do not pass each other
 PASSING_SHARE: Final = 1 / 3
 """Share of the margins that agents keep at least when they pass each other, since margins yield:
@@ -24,7 +24,7 @@ MAX_RISK: Final = 0.01  # probability from which on there is a warning
 FENCE_TOLERANCE: Final = 0.2  # m, by which an agent may leave the fence: it is no wall
 
 
-def drift_problems(mission: Mission, registry: Registry, tracks: Tracks) -> Iterator[Problem]:
+def drift_problems(mission: Mission, registry: Registry, rehearsal: Rehearsal) -> Iterator[Problem]:
     """Warn of collisions, and of flights out of the fence, that the drift of positions permits.
 
     The risk of a pair, or of an agent and an obstacle, is that of its worst moment, and that of the
@@ -33,11 +33,11 @@ def drift_problems(mission: Mission, registry: Registry, tracks: Tracks) -> Iter
     Args:
         mission: The mission.
         registry: Registry of its plugins.
-        tracks: Where its agents are in the dry run.
+        rehearsal: Of the mission.
     """
     scene, localizer = mission.scene, mission.parts["localizer"]
     offer = registry.find("localizer", localizer.use).offer
-    time, position, yaw, airborne = tracks.sampled(PERIOD)
+    time, position, yaw, airborne = rehearsal.sampled(PERIOD)
     std = offer.drift(scene, time, position, yaw, **localizer.options)
     flight = DryFlight(time, position, airborne, std)
     if mission.scene.limits.separation > 0:

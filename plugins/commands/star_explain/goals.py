@@ -1,4 +1,4 @@
-"""Goals that depend on where agents are: where none can be, or too near to those of others."""
+"""Goals that depend on where agents are, and where none can be."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from typing import Final
 
 from star_core import Mission, Problem, Registry
-from star_explain.dry_run import Crowd, StepResult
+from star_explain.results import StepResult
 
 ERROR: Final = 0.1  # m, by which a take-off differs from the dry run
 AROUND: Final = ((0.0, 0.0), (ERROR, 0.0), (-ERROR, 0.0), (0.0, ERROR), (0.0, -ERROR))
@@ -47,18 +47,6 @@ def goal_problems(step: StepResult, mission: Mission, registry: Registry) -> Ite
             )
         yield Problem(path, text, "unreachable-goal", warning=not (sure and faults[0]))
         return
-
-
-def crowd_problems(crowd: Crowd, mission: Mission) -> Iterator[Problem]:
-    """Warn of agents that are to hover nearer to each other than core and avoider let them."""
-    first, second = (mission.scene.agents[row].name for row in crowd.rows)
-    yield Problem(
-        crowd.path,
-        f"{first} and {second} have goals {crowd.distance:.2f} m from each other after this step; "
-        f"core and avoider keep agents at one height {crowd.kept:g} m apart",
-        "too-close",
-        warning=True,
-    )
 
 
 def _faults(

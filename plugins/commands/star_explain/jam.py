@@ -9,9 +9,8 @@ from typing import Final
 import numpy as np
 
 from star_core import Array, Mask, Mission, Problem, Registry
-from star_core.toolkit import MAX_MARGIN_RATIO
+from star_core.toolkit import MAX_MARGIN_RATIO, Rehearsal
 from star_explain.separation import kept_distance
-from star_explain.tracks import Tracks
 
 PERIOD: Final = 1.0  # s
 MIN_SPEED: Final = 0.1  # m/s, of agents that move, and relative, of two that pass each other
@@ -21,7 +20,7 @@ MIN_SHARE: Final = 0.5  # of the agents that move
 MIN_MARGIN: Final = 0.5  # of the distance without margins: less hardly slows agents
 
 
-def jam_problems(mission: Mission, registry: Registry, tracks: Tracks) -> Iterator[Problem]:
+def jam_problems(mission: Mission, registry: Registry, rehearsal: Rehearsal) -> Iterator[Problem]:
     """Warn if most agents have to pass others for a while, nearer than they keep apart.
 
     Two agents keep the separation, or twice the radius of the avoider if that is more, and while
@@ -31,12 +30,12 @@ def jam_problems(mission: Mission, registry: Registry, tracks: Tracks) -> Iterat
     Args:
         mission: The mission; its localizer announces its drift.
         registry: Registry of its plugins.
-        tracks: Where its agents are in the dry run.
+        rehearsal: Of the mission.
     """
     limits, scene = mission.scene.limits, mission.scene
     localizer = mission.parts["localizer"]
     offer = registry.find("localizer", localizer.use).offer
-    time, position, yaw, airborne = tracks.sampled(PERIOD)
+    time, position, yaw, airborne = rehearsal.sampled(PERIOD)
     std = offer.drift(scene, time, position, yaw, **localizer.options)
     base = kept_distance(mission)
     margin = np.minimum(limits.uncertainty_margin * std, MAX_MARGIN_RATIO * base / 2)

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from itertools import count
 
 from star_core.toolkit import shortlist
-from star_explain.dry_run import Group, Part, StepResult
 from star_explain.plan import alike, ending, how, times, whose
+from star_explain.results import Group, Part, StepResult
 from star_explain.words import options, own_options
 
 INDENT = "  "

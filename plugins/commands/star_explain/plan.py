@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from star_core import Registry, TaskSpec
 from star_core.toolkit import shortlist
-from star_explain.dry_run import Group, Part, StepResult
+from star_explain.results import Group, Part, StepResult
 from star_explain.words import left_out, options, own_options, seconds
 
 
@@ -21,7 +21,7 @@ def times(part: Part) -> str:
     takes = f"about {seconds(part.takes)}" if part.takes is not None else "as long as it takes"
     if part.limit is None:
         return f"{takes}, timeout unknown"
-    given = " (given)" if isinstance(part, StepResult) and part.given else ""
+    given = " (given)" if isinstance(part, StepResult) and part.timed else ""
     return f"{takes}, at most {seconds(part.limit)}{given}"
 
 

@@ -5,10 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from star_core import Mission, Problem, Registry
+from star_core.toolkit import Rehearsal
+from star_explain.crowds import crowd_problems
 from star_explain.drift import drift_problems
-from star_explain.dry_run import Part, StepResult, dry_run_with_tracks
-from star_explain.goals import crowd_problems, goal_problems
+from star_explain.goals import goal_problems
 from star_explain.jam import jam_problems
+from star_explain.origins import Origins
+from star_explain.results import results, steps_of
 
 
 def problems(
@@ -26,10 +29,11 @@ def problems(
         if registry.find("planner", name).offer.avoids_obstacles
     ]
     hint = f"; use planner {' or '.join(others)}, or waypoints around it" if others else ""
-    result, tracks, crowds = dry_run_with_tracks(mission, registry)
-    for step in _steps(result):
+    rehearsal: Rehearsal = registry.manager.hook.star_rehearse(mission=mission, registry=registry)
+    origins = Origins(mission, registry, rehearsal)
+    for step in steps_of(results(mission, registry, rehearsal, origins)):
         path = (*step.action.path, step.action.verb)
-        if step.late and step.given:
+        if step.late and step.timed:
             text = f"{step.action.verb} {step.fault}"
             yield Problem((*path, "timeout"), text, "timeout-too-short")
         for blocked in step.blocked:
@@ -38,17 +42,8 @@ def problems(
         for surface in step.surfaces:
             yield Problem(path, surface, "over-obstacle", warning=True)
         yield from goal_problems(step, mission, registry)
-    for crowd in crowds:
-        yield from crowd_problems(crowd, mission)
+    yield from crowd_problems(mission, rehearsal, origins)
     if drifts:
-        yield from drift_problems(mission, registry, tracks)
+        yield from drift_problems(mission, registry, rehearsal)
     if margins:
-        yield from jam_problems(mission, registry, tracks)
-
-
-def _steps(part: Part) -> Iterator[StepResult]:
-    if isinstance(part, StepResult):
-        yield part
-    else:
-        for inner in part.parts:
-            yield from _steps(inner)
+        yield from jam_problems(mission, registry, rehearsal)

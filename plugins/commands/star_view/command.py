@@ -32,12 +32,10 @@ def run(options: argparse.Namespace, registry: Registry) -> int:
         if path.is_dir():
             run = read_run(path, flown=True)
         else:
-            changes = list(options.set)
-            mission = load(path, registry, changes)
+            mission = load(path, registry, options.set)
             if mission.scene.realtime:  # the page shows a simulation of it
-                changes.append("transport=sim")
-                mission = load(path, registry, changes)
-            plan = planned_steps([str(path), *(f"--set={change}" for change in changes)], registry)
+                mission = load(path, registry, [*options.set, "transport=sim"])
+            plan = planned_steps(mission, registry)
             run = simulate(mission, registry)
         avoider = run.manifest["plugins"]["avoider"]
         kept_free = radius(avoider["name"], avoider["options"], registry)

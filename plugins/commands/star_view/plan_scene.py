@@ -1,21 +1,17 @@
-"""The plan of a mission on a page: pads, and the steps and paths of its dry run."""
+"""The plan of a mission on a page: pads, and the steps and paths of its rehearsal."""
 
 from __future__ import annotations
 
-import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import redirect_stdout
+from collections.abc import Mapping, Sequence
 from functools import partial
-from io import StringIO
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 import viser
 
-from star_core import Agent, Array, Registry
-from star_core.commands import run_command
-from star_core.toolkit import shortlist
+from star_core import Agent, Array, Mission, Registry
+from star_core.toolkit import Rehearsal, RehearsedStep, actions, shortlist
 from star_view.footprints import footprint
 from star_view.markdown import escaped
 from star_view.swarm_scene import color_of, segments, switch
@@ -28,7 +24,7 @@ WIDTH: Final = 1.5  # px
 
 
 class PlannedStep(NamedTuple):
-    """A step of the dry run.
+    """A step of the rehearsal.
 
     Attributes:
         text: Verb and agents, and the expected duration.
@@ -41,18 +37,24 @@ class PlannedStep(NamedTuple):
     paths: Mapping[str, Array]
 
 
-def planned_steps(arguments: Sequence[str], registry: Registry) -> list[PlannedStep]:
-    """Return the steps that ``star explain`` finds in a mission, in order; none if it is missing.
+def planned_steps(mission: Mission, registry: Registry) -> list[PlannedStep]:
+    """Return the steps of a rehearsal, each once, in the order of the mission.
+
+    None if no plugin rehearses missions.
 
     Args:
-        arguments: Of the command: the mission and what is set in it.
-        registry: Of the commands.
+        mission: To rehearse.
+        registry: Of the plugins.
     """
-    if "explain" not in registry.names("command"):
+    rehearsal = registry.manager.hook.star_rehearse(mission=mission, registry=registry)
+    if rehearsal is None:
         return []
-    with redirect_stdout(StringIO()) as output:
-        run_command("explain", [*arguments, "--json"], registry)
-    return list(_flattened(json.loads(output.getvalue())["plan"]))
+    first = {id(step.action): step for step in reversed(rehearsal.steps)}
+    return [
+        _planned(first[id(action)], rehearsal, mission)
+        for action in actions(mission.steps)
+        if id(action) in first
+    ]
 
 
 def add_plan(
@@ -104,19 +106,13 @@ def _add_start(
         _add_dashes(page, f"/plan/footprints/{agent.name}", view, color)
 
 
-def _flattened(part: Mapping[str, Any]) -> Iterator[PlannedStep]:
-    """Yield the steps of a plan, each once, also if it is repeated."""
-    inner = part.get("in_order", part.get("at_once"))
-    if inner is not None:
-        for one in inner:
-            yield from _flattened(one)
-        return
-    takes = "" if part["takes_s"] is None else f", about {part['takes_s']:.1f} s"
-    fault = f" — {part['fault']}" if part["fault"] else ""
-    paths = {name: np.array(path) for name, path in part["paths"].items()}
-    yield PlannedStep(
-        f"{part['verb']} {shortlist(part['agents'])}{takes}{fault}", part["verb"], paths
-    )
+def _planned(step: RehearsedStep, rehearsal: Rehearsal, mission: Mission) -> PlannedStep:
+    """Return a step of a rehearsal; of one that is repeated, the first round."""
+    names, verb = [mission.scene.agents[row].name for row in step.rows], step.action.verb
+    takes = "" if step.duration is None else f", about {step.duration:.1f} s"
+    problem = f" — {step.problem}" if step.problem else ""
+    paths = {name: rehearsal.path(step, row) for name, row in zip(names, step.rows, strict=True)}
+    return PlannedStep(f"{verb} {shortlist(names)}{takes}{problem}", verb, paths)
 
 
 def _add_pad(

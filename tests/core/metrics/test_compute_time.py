@@ -11,9 +11,10 @@ import pytest
 from star_core import Tick, hookimpl
 from star_core.mission_file import file_kinds
 from star_core.plugin_support.discovery import Source
-from star_core.plugin_support.timing import ComputeTime, compiling
+from star_core.plugin_support.timing import ComputeTime
 from star_core.registry import Registry
 from star_core.toolkit import compiled
+from star_core.toolkit.compile_time import compiling
 from tests.core.conftest import Lab
 
 NAMED = {

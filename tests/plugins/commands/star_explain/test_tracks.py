@@ -1,15 +1,15 @@
-"""Where agents are during a dry run."""
+"""Where agents are in a rehearsal."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from star_core import AgentPhase, Registry, load
-from star_core.testing import scene
-from star_explain.dry_run import dry_run_with_tracks
-from star_explain.tracks import Tracks
+from star_core.toolkit import Rehearsal
 
 MISSION = """\
 star: 1
@@ -29,26 +29,60 @@ mission:
 WORLD = "star: 1\nname: hall\nfence: {low: [-9, -9, 0], high: [9, 9, 3]}\n"
 
 
-def test_agents_hover_where_their_last_step_ended(tmp_path: Path) -> None:
+@pytest.fixture
+def rehearsed(tmp_path: Path) -> Callable[..., Rehearsal]:
+    """Return a function that rehearses `MISSION` with some changes."""
     (tmp_path / "hall.yaml").write_text(WORLD)
     (tmp_path / "turns.yaml").write_text(MISSION)
-    registry = Registry()
-    _, tracks, _ = dry_run_with_tracks(load(tmp_path / "turns.yaml", registry), registry)
-    time, position, _, airborne = tracks.sampled(0.5)
-    waits = (time > 5.0) & (time < 25.0)
+
+    def rehearse(*changes: str) -> Rehearsal:
+        registry = Registry()
+        mission = load(tmp_path / "turns.yaml", registry, changes)
+        result: Rehearsal = registry.manager.hook.star_rehearse(mission=mission, registry=registry)
+        return result
+
+    return rehearse
+
+
+def test_agents_hover_where_their_last_step_ended(rehearsed: Callable[..., Rehearsal]) -> None:
+    rehearsal = rehearsed()
+    time, position, _, airborne = rehearsal.sampled(0.5)
+    _, there, then, _ = rehearsal.steps
+    waits = (time > there.begun) & (time < there.ended)
     assert airborne[waits].all()
     assert np.allclose(position[waits, 1], [0.0, 3.0, 0.8], atol=0.06)  # b, while a flies
-    stays = (time > 32.0) & (time < 36.0)
-    assert np.allclose(position[stays, 0], [5.0, 0.0, 0.8], atol=0.11)
+    stays = (time > then.begun + 1.0) & (time < then.ended)
+    assert np.allclose(position[stays, 0], [5.0, 0.0, 0.8], atol=0.06)
 
 
-def test_a_repeated_track_begins_where_it_ended() -> None:
-    tracks = Tracks(scene(1))
-    flying = np.array([int(AgentPhase.FLYING)])
-    marks = tracks.marks()
-    for k in range(1, 8):
-        tracks.add(0.1 * k, (0,), np.array([[0.1 * k, 0.0, 1.0]]), np.zeros(1), flying)
-    tracks.repeat(marks, 2, 0.7)
-    time, position, _, _ = tracks.sampled(0.7)
-    assert np.allclose(time[:3], [0.0, 0.7, 1.4])
-    assert np.allclose(position[1:3, 0], [0.7, 0.0, 1.0])
+def test_repeated_steps_are_rehearsed_as_often(rehearsed: Callable[..., Rehearsal]) -> None:
+    there = "{goto: {agents: a, to: [1, 0, 0.8]}}"
+    back = "{goto: {agents: a, to: [0, 0, 0.8]}}"
+    once, thrice = (
+        rehearsed(f"mission.1={{repeat: {{times: {times}, steps: [{there}, {back}]}}}}")
+        for times in (1, 3)
+    )
+    verbs = ["takeoff", *["goto", "goto"] * 3, "goto", "land"]
+    assert [step.action.verb for step in thrice.steps] == verbs
+    round_trip = once.steps[2].ended - once.steps[1].begun
+    assert thrice.time[-1] - once.time[-1] == pytest.approx(2 * round_trip, abs=0.3)
+
+
+def test_tracks_have_the_phases_and_the_goals(rehearsed: Callable[..., Rehearsal]) -> None:
+    rehearsal = rehearsed()
+    climb, there, *_, landing = rehearsal.steps
+    phases = rehearsal.phase[rehearsal.during(climb), 0].tolist()
+    middle = len(phases) // 2
+    expected = AgentPhase.GROUNDED, AgentPhase.TAKING_OFF, AgentPhase.FLYING
+    assert (phases[0], phases[middle], phases[-1]) == expected
+    assert rehearsal.phase[-1].tolist() == [AgentPhase.LANDED] * 2
+    assert rehearsal.position[-1, :, 2].tolist() == [0.0, 0.0]
+    assert rehearsal.last_goals(there)[0].tolist() == [5.0, 0.0, 0.8]
+    assert landing.ended == rehearsal.time[-1] == rehearsal.duration
+
+
+def test_a_path_has_its_corners(rehearsed: Callable[..., Rehearsal]) -> None:
+    rehearsal = rehearsed()
+    path = rehearsal.path(rehearsal.steps[1], 0)
+    assert len(path) == 2
+    assert path == pytest.approx(np.array([[0, 0, 0.8], [5, 0, 0.8]]), abs=0.1)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -86,18 +87,19 @@ def test_previous_and_next_jump_from_event_to_event(viewer: Replay) -> None:
     assert times[-1] == pytest.approx(viewer._time[-1])
 
 
-def test_a_mission_is_shown_with_pads_and_the_steps_of_its_dry_run() -> None:
+def test_a_mission_is_shown_with_pads_and_the_steps_of_its_rehearsal() -> None:
     mission = load(FIRST_FLIGHT, registry := Registry())
-    steps = planned_steps([str(FIRST_FLIGHT)], registry)
+    steps = planned_steps(mission, registry)
     assert [step.verb for step in steps] == [
         "takeoff", "goto", "goto", "goto", "hold", "goto", "goto", "land",
     ]  # fmt: skip
+    assert re.fullmatch(r"goto cf1, about \d\.\d s", steps[1].text)
     assert steps[0].paths["cf1"] == pytest.approx(np.array([[-1.2, 0, 0], [-1.2, 0, 0.8]]))
     server = open_page(mission.scene.world, 18235, mission.name)
     try:
         add_plan(server, mission.scene.agents, steps)
         with Browser(server.address) as browser:
-            browser.wait_for("2. goto cf1, about 4.9 s")
+            browser.wait_for(f"2. {steps[1].text}")
             pads = {"/pads/start/cf1", "/pads/landing/cf3", "/plan/2/cf1", "/plan/labels/0"}
             assert pads <= browser.nodes
     finally:
@@ -144,11 +146,12 @@ def test_a_replay_shows_the_saved_images_with_the_detected_tags(
     assert green == {10: False, 22: False, 26: True, 45: False}
 
 
-def test_a_mission_is_shown_without_its_plan_if_the_command_explain_is_missing(
+def test_a_mission_that_no_plugin_rehearses_is_shown_without_its_plan(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setenv("STAR_BLOCK_PLUGINS", "explain")
-    assert planned_steps([str(FIRST_FLIGHT)], Registry()) == []
+    registry = Registry()
+    assert planned_steps(load(FIRST_FLIGHT, registry), registry) == []
 
 
 def test_a_camera_that_looks_down_sees_the_floor_below_it() -> None:

@@ -1,0 +1,190 @@
+"""Rehearses a mission: the executor of flights runs its steps, with agents that are points."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from star_core import (
+    Array,
+    Command,
+    Goals,
+    Mission,
+    Order,
+    PluginError,
+    Registry,
+    Scene,
+    Setpoint,
+    Status,
+    Task,
+)
+from star_core.testing import MissionSteps, PointMasses, straight_velocity
+from star_core.toolkit import (
+    Action,
+    Node,
+    Parallel,
+    Rehearsal,
+    Repeat,
+    min_landing_time,
+)
+from star_explain.rehearsed_task import RehearsedTask
+
+TICK: Final = 0.1  # s
+GAIN: Final = 1.5  # 1/s, of a planner without this option
+BRAKING: Final = 0.5  # of the greatest acceleration, as `PositionController`
+SETTLING: Final = {Order.TAKEOFF: 0.9, Order.LAND: 2.1}  # s
+"""What climbs and landings take beyond their durations in the default world of `sim`: until the
+drone has come to rest vertically; until its firmware, 2 s after its motors have stopped, no longer
+reports that it flies."""
+LONGEST: Final = 1800.0  # s, after which further rounds of steps are left out
+
+
+def rehearse(mission: Mission, registry: Registry) -> Rehearsal:
+    """Return a rehearsal of a mission.
+
+    Steps whose tasks hold resources exclusively are left out, and so are further rounds of a step
+    after `LONGEST`: the durations of both are unknown.
+
+    Args:
+        mission: To rehearse.
+        registry: Of its plugins.
+    """
+    # With `realtime` set, no plugin may wait for anything.
+    scene = replace(mission.scene, realtime=True, period=TICK)
+    actions: dict[int, Action] = {}
+    steps = tuple(_without_timeouts(step, actions) for step in mission.steps)
+    tasks = _Tasks(registry, actions)
+    runner = MissionSteps(replace(mission, scene=scene, steps=steps), registry, tasks.make)
+    try:
+        return _run(scene, runner, tasks, _gain(mission))
+    finally:
+        runner.close()
+
+
+class _Tasks:
+    """The tasks of a rehearsal.
+
+    Args:
+        registry: Of their verbs.
+        actions: The steps of the mission, by the `id` of those that are rehearsed.
+
+    Attributes:
+        made: Tasks, in the order in which they were made.
+        late: Whether further rounds are left out from now on.
+    """
+
+    def __init__(self, registry: Registry, actions: Mapping[int, Action]) -> None:
+        self._registry = registry
+        self._actions = actions
+        self._again: set[int] = set()
+        self.made: list[RehearsedTask] = []
+        self.late = False
+
+    def make(self, action: Action, rows: tuple[int, ...], make: Callable[[], Task]) -> Task:
+        """Make the task of a step for some rows."""
+        held = self._registry.find("task", action.verb).offer.exclusive
+        rehearsed = not self.late and (held is None or held.unless in action.written)
+        limit = None if held is None else held.timeout
+        task = RehearsedTask(self._actions[id(action)], rows, make if rehearsed else None, limit)
+        self.made.append(task)
+        return task
+
+
+def _run(scene: Scene, runner: MissionSteps, tasks: _Tasks, gain: float) -> Rehearsal:
+    """Run the steps until they are over."""
+    limits, targets = scene.limits, {tag.of for tag in scene.world.targets}
+    swarm = PointMasses(
+        np.array([agent.start for agent in scene.agents]),
+        np.array([agent.yaw for agent in scene.agents]),
+        acceleration=limits.acceleration,
+        settling=SETTLING,
+        targets=len(targets),
+    )
+    tracks = _Tracks()
+    tick, status = 0, Status.RUNNING
+    while True:
+        tasks.late = swarm.time > LONGEST
+        try:
+            status, instructions = runner.step(swarm.estimate(), swarm.health())
+        except PluginError as error:
+            for task in tasks.made:
+                task.fail(str(error))
+            break
+        for task in tasks.made:
+            if task.running and (task.ended < swarm.time or status is Status.SUCCESS):
+                task.end_by_condition()
+        goals = instructions.goals
+        tracks.add(swarm, goals)
+        if status is not Status.RUNNING:
+            break
+        swarm.release(instructions.free)
+        for command in instructions.commands:
+            swarm.command(_as_sent(command, swarm.position))
+        velocity = straight_velocity(
+            swarm.position,
+            goals,
+            TICK,
+            gain=gain,
+            braking=BRAKING * limits.acceleration,
+            limit=limits.speed,
+        )
+        swarm.send(Setpoint(velocity, goals.yaw, goals.active & swarm.steered()))
+        tick += 1
+        swarm.wait(tick * TICK)
+    return tracks.rehearsal(tasks.made)
+
+
+def _as_sent(command: Command, position: Array) -> Command:
+    """Return a command as the core sends it: landings take a least time.
+
+    Args:
+        command: Of a task.
+        position: (N, 3) of the agents, m.
+    """
+    if command.order is not Order.LAND:
+        return command
+    least = min_landing_time(np.maximum(position[command.agent, 2], 0.0))
+    return replace(command, duration=np.maximum(command.duration, least))
+
+
+class _Tracks:
+    """Where the agents are, moment by moment."""
+
+    def __init__(self) -> None:
+        self._moments: list[tuple[float, Array, Array, Array, Array]] = []
+
+    def add(self, swarm: PointMasses, goals: Goals) -> None:
+        """Add the present moment."""
+        goal = np.where(goals.active[:, None], goals.position, np.nan)
+        moment = (swarm.time, swarm.position.copy(), goal, swarm.yaw.copy(), swarm.phase.copy())
+        self._moments.append(moment)
+
+    def rehearsal(self, tasks: Iterable[RehearsedTask]) -> Rehearsal:
+        """Return the rehearsal of the moments and of the tasks that have begun."""
+        begun = sorted((task for task in tasks if task.begun >= 0.0), key=lambda task: task.begun)
+        time, *tables = (np.array(values) for values in zip(*self._moments, strict=True))
+        return Rehearsal(tuple(task.result() for task in begun), time, *tables)
+
+
+def _gain(mission: Mission) -> float:
+    """Return the speed per meter of distance by which the planner leads to goals, 1/s."""
+    gain = mission.parts["planner"].options.get("gain", GAIN)
+    return float(gain) if isinstance(gain, int | float) else GAIN
+
+
+def _without_timeouts(node: Node, actions: dict[int, Action]) -> Node:
+    """Return a copy of a step without timeouts; add its actions to `actions`, by `id` of theirs."""
+    match node:
+        case Action():
+            copy = replace(node, timeout=None)
+            actions[id(copy)] = node
+            return copy
+        case Parallel(branches):
+            return replace(
+                node, branches=tuple(_without_timeouts(branch, actions) for branch in branches)
+            )
+        case Repeat(_, steps):
+            return replace(node, steps=tuple(_without_timeouts(step, actions) for step in steps))

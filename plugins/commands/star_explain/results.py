@@ -1,0 +1,179 @@
+"""Results of a rehearsal as a tree of the steps of the mission."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TypeAlias
+
+from star_core import Array, Mission, Registry
+from star_core.toolkit import Action, Node, Parallel, Rehearsal, RehearsedStep, Repeat
+from star_explain.origins import Origins
+from star_explain.surroundings import Surroundings
+
+
+@dataclass(frozen=True, slots=True)
+class StepResult:
+    """Result of one step.
+
+    Attributes:
+        action: The step of the mission.
+        agents: Names of its agents.
+        takes: Duration without disturbances, s; None if unknown; of several rounds, of the first.
+        limit: Its timeout, s; None if unknown.
+        fault: Why it would fail, or why nothing is known about it; empty otherwise.
+        rounds: Each of its rounds in the rehearsal; none if no agents are left for it.
+        blocked: Which obstacles are in the way of which agents, if the planner ignores them.
+        surfaces: Over which surface each agent flies that is not as high as that of its start, if
+            heights are measured from there.
+        certain: Whether its agents begin it where the rehearsal has them: after a step that a
+            condition ended, or of unknown duration, they may be elsewhere.
+        anchored: Whether its agents begin it at goals that the mission names, and not above where
+            they took off, which is known less exactly.
+        ends: Goals of its agents at its end, (n, 3) m, if the check of the mission could not know
+            them; empty otherwise.
+    """
+
+    action: Action
+    agents: tuple[str, ...]
+    takes: float | None
+    limit: float | None
+    fault: str
+    rounds: tuple[RehearsedStep, ...] = ()
+    blocked: tuple[str, ...] = ()
+    surfaces: tuple[str, ...] = ()
+    certain: bool = True
+    anchored: bool = False
+    ends: tuple[Array, ...] = ()
+
+    @property
+    def timed(self) -> bool:
+        """Whether the mission sets its timeout."""
+        return self.action.timeout is not None
+
+    @property
+    def late(self) -> bool:
+        """Whether it fails by its timeout."""
+        return any(step.outcome == "late" for step in self.rounds)
+
+    @property
+    def failed(self) -> bool:
+        """Whether it fails for another reason, such as a goal where no agent can be."""
+        return any(step.outcome == "failed" for step in self.rounds)
+
+    @property
+    def on_board(self) -> bool:
+        """Whether its agents fly trajectories on board, without steering."""
+        return any(step.on_board for step in self.rounds)
+
+
+@dataclass(frozen=True, slots=True)
+class Group:
+    """Steps that run in parallel or in sequence.
+
+    Attributes:
+        at_once: Whether they run in parallel.
+        times: Number of repetitions.
+        parts: The steps.
+    """
+
+    at_once: bool
+    times: int
+    parts: tuple[Part, ...]
+
+    @property
+    def file(self) -> str:
+        """The file that contains them; empty if unknown."""
+        steps = [part.action.location for part in self.parts if isinstance(part, StepResult)]
+        files = {location.rsplit(":", 2)[0] for location in steps}
+        files = files or {part.file for part in self.parts if isinstance(part, Group)}
+        return files.pop() if len(files) == 1 else ""
+
+    @property
+    def rounds(self) -> tuple[RehearsedStep, ...]:
+        """All rounds of all its steps."""
+        return tuple(step for part in self.parts for step in part.rounds)
+
+    @property
+    def takes(self) -> float | None:
+        """Duration of all repetitions without disturbances, s; None if unknown."""
+        rounds = self.rounds
+        if any(step.duration is None for step in rounds):
+            return None
+        if not rounds:
+            return 0.0
+        return max(step.ended for step in rounds) - min(step.begun for step in rounds)
+
+    @property
+    def limit(self) -> float | None:
+        """Greatest duration, s; None if unknown."""
+        limits = [part.limit for part in self.parts]
+        known = [limit for limit in limits if limit is not None]
+        if len(known) < len(limits):
+            return None
+        return self.times * (max(known, default=0.0) if self.at_once else math.fsum(known))
+
+
+Part: TypeAlias = StepResult | Group
+
+
+def results(mission: Mission, registry: Registry, rehearsal: Rehearsal, origins: Origins) -> Group:
+    """Return the results of a mission's steps."""
+    tree = _Tree(mission, registry, rehearsal, origins)
+    parts = tuple(tree.of(step) for step in mission.steps)
+    return Group(at_once=False, times=1, parts=parts)
+
+
+def steps_of(part: Part) -> Iterator[StepResult]:
+    """Yield the results of all steps, in the order of the mission."""
+    if isinstance(part, StepResult):
+        yield part
+        return
+    for inner in part.parts:
+        yield from steps_of(inner)
+
+
+class _Tree:
+    """Arranges the results of steps as the steps of the mission are."""
+
+    def __init__(
+        self, mission: Mission, registry: Registry, rehearsal: Rehearsal, origins: Origins
+    ) -> None:
+        self._scene = mission.scene
+        self._rehearsal = rehearsal
+        self._origins = origins
+        self._surroundings = Surroundings(mission, registry, rehearsal)
+
+    def of(self, node: Node) -> Part:
+        """Return the results of a step."""
+        match node:
+            case Action():
+                return self._action(node)
+            case Parallel(branches):
+                parts = tuple(self.of(branch) for branch in branches)
+                return Group(at_once=True, times=1, parts=parts)
+            case Repeat(times, steps):
+                parts = tuple(self.of(step) for step in steps)
+                return Group(at_once=False, times=times, parts=parts)
+
+    def _action(self, action: Action) -> StepResult:
+        rounds = tuple(self._origins.rounds.get(id(action), ()))
+        if not rounds:
+            return StepResult(action, (), 0.0, 0.0, "no agents are left for it")
+        first, rehearsal = rounds[0], self._rehearsal
+        relative = first.duration is not None and self._origins.is_relative(first)
+        goals = rehearsal.last_goals(first)[list(first.rows)]
+        return StepResult(
+            action,
+            tuple(self._scene.agents[row].name for row in first.rows),
+            first.duration,
+            first.timeout,
+            next((step.problem for step in rounds if step.problem), ""),
+            rounds,
+            blocked=self._surroundings.blocked(rounds),
+            surfaces=self._surroundings.surfaces(rounds),
+            certain=self._origins.certain(action),
+            anchored=self._origins.anchored(action),
+            ends=tuple(goals) if relative else (),
+        )

@@ -1,0 +1,114 @@
+"""Obstacles in the way of agents, or below them, in a rehearsal."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from typing import Final
+
+from star_core import AgentPhase, Mission, Registry
+from star_core.toolkit import Rehearsal, RehearsedStep
+from star_explain import follows_surfaces
+
+BESIDE: Final = 0.2  # m beside what is lower, at which an agent may be above it by its error
+
+
+class Surroundings:
+    """Finds what agents touch, and over what they fly.
+
+    Args:
+        mission: The mission.
+        registry: Registry of its plugins.
+        rehearsal: Of the mission.
+    """
+
+    def __init__(self, mission: Mission, registry: Registry, rehearsal: Rehearsal) -> None:
+        self._scene = mission.scene
+        self._rehearsal = rehearsal
+        planner = registry.find("planner", mission.parts["planner"].use).offer
+        self._ignores_obstacles = not planner.avoids_obstacles
+        self._surfaces_matter = follows_surfaces(mission, registry)
+
+    def blocked(self, rounds: Iterable[RehearsedStep]) -> tuple[str, ...]:
+        """Return which obstacles agents touch, each where it is touched first.
+
+        None if the planner leads around obstacles.
+        """
+        found: dict[tuple[int, str], str] = {}
+        obstacles = self._scene.world.obstacles
+        if not self._ignores_obstacles or not obstacles:
+            return ()
+        for row, (x, y, z) in self._flown(rounds):
+            for obstacle in obstacles:
+                if (row, obstacle.name) not in found and obstacle.touched((x, y, z), z):
+                    name = self._scene.agents[row].name
+                    where = f"at [{x:.2f}, {y:.2f}, {z:.2f}]"
+                    text = f"obstacle {obstacle.name!r} is in the way of {name} {where}"
+                    found[row, obstacle.name] = text
+        return tuple(found.values())
+
+    def surfaces(self, rounds: Iterable[RehearsedStep]) -> tuple[str, ...]:
+        """Return over which surfaces agents fly that are not as high as those of their starts.
+
+        None if heights are not measured from there.
+        """
+        if not self._surfaces_matter:
+            return ()
+        above: dict[tuple[int, str], str] = {}
+        beside: dict[tuple[int, str], str] = {}
+        for row, point in self._flown(rounds):
+            agent = self._scene.agents[row]
+            if math.isnan(agent.start[0]):
+                continue
+            x, y, z = point
+            start = self._surface(agent.start)[0]
+            height, what, flies = self._surface(point)
+            notes = [(height, what, flies, above)]
+            notes += [
+                (obstacle.height[1], f"obstacle {obstacle.name!r}", "may fly", beside)
+                for obstacle in self._scene.world.obstacles
+                if start <= height < obstacle.height[1] < z
+                and obstacle.gaps((x, y, obstacle.height[1]))[0] < BESIDE
+            ]
+            for height, what, flies, noted in notes:
+                climbs = height - start
+                if climbs != 0.0:
+                    text = (
+                        f"{agent.name} {flies} over {what} at [{x:.2f}, {y:.2f}, {z:.2f}], from "
+                        f"where a ranger measures its height: it "
+                        f"{'climbs' if climbs > 0 else 'sinks'} by {abs(climbs):.2f} m"
+                    )
+                    noted.setdefault((row, what), text)
+        return tuple((beside | above).values())
+
+    def _flown(
+        self, rounds: Iterable[RehearsedStep]
+    ) -> Iterator[tuple[int, tuple[float, float, float]]]:
+        """Yield the row and the position of agents that fly, moment by moment, where it changes."""
+        rehearsal = self._rehearsal
+        for step in rounds:
+            during = rehearsal.during(step)
+            flies = rehearsal.phase[during] == AgentPhase.FLYING
+            last: dict[int, tuple[float, float, float]] = {}
+            for position, flying in zip(rehearsal.position[during], flies, strict=True):
+                for row in step.rows:
+                    x, y, z = position[row].tolist()
+                    if flying[row] and last.get(row) != (x, y, z):
+                        last[row] = x, y, z
+                        yield row, (x, y, z)
+
+    def _surface(self, point: tuple[float, float, float]) -> tuple[float, str, str]:
+        """Return the surface below a point: its height, m, and what it is; and how sure that is.
+
+        A planner may lead over an obstacle that is in the way.
+        """
+        scene = self._scene
+        ceiling = min(scene.limits.height[1], scene.world.fence.high[2])
+        for obstacle in () if self._ignores_obstacles else scene.world.obstacles:
+            top = obstacle.height[1]
+            if point[2] < top < ceiling and obstacle.touched(point, point[2]):
+                return top, f"obstacle {obstacle.name!r}", "may fly"
+        below = scene.world.below(point)
+        if below is None:
+            return 0.0, "the floor", "flies"
+        return below.height[1], f"obstacle {below.name!r}", "flies"

@@ -1,0 +1,83 @@
+"""The steps of a mission without the rest of a flight."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TypeAlias
+
+from star_core.contracts import Status, Task
+from star_core.execution.assignments import Assignments
+from star_core.execution.instructions import Instructions
+from star_core.execution.step_run import TaskPool, TickContext
+from star_core.executor import StepExecutor
+from star_core.messages.state import Estimate, Goals, Health
+from star_core.mission import Action, Mission
+from star_core.observers import Observers
+from star_core.plugin_support.guard import Strikes
+from star_core.plugin_support.timing import ComputeTime
+from star_core.registry import Registry
+
+MakeTask: TypeAlias = Callable[[Action, tuple[int, ...], Callable[[], Task]], Task]
+"""Returns the task of a step for some rows; calls the last argument for the task of a flight."""
+
+
+class MissionSteps:
+    """Runs the steps of a mission by the executor of flights, with any estimates.
+
+    Args:
+        mission: Its steps.
+        registry: Of their verbs.
+        make: Makes the task of each step; that of a flight by default.
+
+    Raises:
+        PluginError: A task cannot be made.
+    """
+
+    def __init__(
+        self,
+        mission: Mission,
+        registry: Registry,
+        make: MakeTask = lambda _action, _rows, make_task: make_task(),
+    ) -> None:
+        compute_time = ComputeTime(mission.scene.period, realtime=True)
+        assignments = Assignments(len(mission.scene.agents), mission.reserve_rows)
+        observers = self._observers = Observers({}, compute_time)
+        tasks = _Tasks(mission, registry, compute_time, make)
+        self._executor = StepExecutor(mission, tasks, assignments, observers, Strikes(limit=1))
+        self._goals = Goals.none(len(mission.scene.agents))  # of the last tick
+
+    def step(self, estimate: Estimate, health: Health) -> tuple[Status, Instructions]:
+        """Run one tick, at the time of the estimate; return the mission's status, and what to do.
+
+        Raises:
+            PluginError: A task raises, or breaks its contract.
+        """
+        self._observers.begin_tick(estimate.time)
+        tick = TickContext(estimate.time, estimate, health, {}, {}, {}, self._goals)
+        status, instructions = self._executor.step(tick)
+        self._goals = instructions.goals
+        return status, instructions
+
+    def close(self) -> list[str]:
+        """Close every task; return their errors."""
+        return self._executor.close()
+
+
+class _Tasks(TaskPool):
+    """The tasks of the steps, made by another function.
+
+    Args:
+        mission: Its steps.
+        registry: Where verbs are found.
+        compute_time: Measures each task.
+        make: Makes the tasks.
+    """
+
+    def __init__(
+        self, mission: Mission, registry: Registry, compute_time: ComputeTime, make: MakeTask
+    ) -> None:
+        self._make_task = make
+        super().__init__(mission, registry, compute_time)
+
+    def make(self, action: Action, rows: tuple[int, ...]) -> Task:
+        return self._make_task(action, rows, lambda: super(_Tasks, self).make(action, rows))
