@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any, Final, NamedTuple
@@ -23,16 +22,15 @@ from star_core.messages.arrays import Mask, every, some
 from star_core.messages.commands import Order, Trajectory
 from star_core.messages.events import Corrected, Tick
 from star_core.messages.state import (
-    AIRBORNE,
     UNFIT,
     AgentPhase,
     Estimate,
     Goals,
     Health,
     Plan,
+    Setpoint,
     among,
 )  # fmt: skip
-from star_core.messages.telemetry import Telemetry
 from star_core.metrics.summary import FlightMetrics
 from star_core.mission import Mission
 from star_core.observers import Observers
@@ -42,9 +40,22 @@ from star_core.pipeline import PluginPipeline
 from star_core.registry import Registry
 from star_core.safety.agents_in_the_way import GroundedAgents
 from star_core.safety.filter import SafetyFilter
-from star_core.safety.rules import Rules, SafetyAction
+from star_core.safety.monitors import (
+    Brake,
+    Exclude,
+    Finding,
+    Monitor,
+    PendingStrikes,
+    Report,
+    SafetyAction,
+    Stage,
+    Strike,
+    TickState,
+    Use,
+)
+from star_core.safety.rules import Rules
 from star_core.safety.setpoint_monitor import SetpointMonitor
-from star_core.safety.uncertain_agents import UncertainAgents
+from star_core.safety.uncertain_agents import StoppedAgents, UncertainAgents
 from star_core.vehicle_interface import VehicleInterface
 
 MAX_LOST_TIME: Final = 1.0  # s; without setpoints for 2 s, a Crazyflie stops its motors
@@ -92,10 +103,18 @@ class ControlLoop:
         self._assignments = Assignments(n, mission.reserve_rows)
         self._rules = Rules(scene, mission.safety)
         self._safety = SafetyFilter(scene)
-        self._setpoints = SetpointMonitor(scene)
         self._uncertain = UncertainAgents(scene, partial(observers.event, "safety"))
-        self._grounded = GroundedAgents(n, scene.limits)
         self._vehicles = VehicleInterface(scene, pipeline, observers)
+        self._monitors: tuple[Monitor, ...] = (
+            self._vehicles.estimate_monitor,
+            self._vehicles.unheard,
+            self._rules,
+            self._uncertain,
+            StoppedAgents(self._uncertain),
+            GroundedAgents(n, scene.limits),
+            SetpointMonitor(scene),
+            PendingStrikes(pipeline.strikes),
+        )
         tasks = TaskPool(mission, registry, pipeline.compute_time)
         self._executor = StepExecutor(
             mission, tasks, self._assignments, observers, pipeline.strikes
@@ -117,34 +136,117 @@ class ControlLoop:
 
     def tick(self) -> MissionStatus:
         """Run one control tick for the whole swarm; return the status of the mission."""
-        telemetry = self._vehicles.receive()
-        estimate = self._vehicles.locate(telemetry)
-        health = self._vehicles.track(telemetry, estimate)
+        vehicles = self._vehicles
+        telemetry = vehicles.receive()
+        state = TickState(telemetry, vehicles.phases.of_agents(), vehicles.ground.steered_seen)
+        state.estimate = vehicles.locate(telemetry)
+        self._check(Stage.LOCATED, state)
+        state.health = vehicles.track(telemetry, state.estimate)
         if self._land_all is not None:
-            status, instructions = Status.RUNNING, self._land_all.step(telemetry, estimate)
+            status, instructions = Status.RUNNING, self._land_all.step(telemetry, state.estimate)
         else:
-            excused = self._apply_rules(estimate, health)
-            if reason := (
-                self._unfit_to_start(health)
-                or self._no_agent_left()
-                or self._lost_too_long(health, excused)
-            ):
+            self._check(Stage.TRACKED, state)
+            excused = self._rules.excuse(state.health, state.estimate.valid)
+            if reason := self._cannot_go_on(state.health, excused):
                 return MissionStatus(Status.FAILURE, reason)
-            context = self._context(telemetry, estimate, health, excused)
+            context = self._context(state, excused)
             status, instructions = self._executor.step(context)
             if self._reserves is not None:
                 instructions = self._reserves.step(context, instructions)
-        self._send_commands(instructions, estimate)
-        goals = self._landing.step(estimate, instructions.goals)
-        self._landing.repeat_missed(telemetry, estimate)
-        flying = self._vehicles.phases.among(AgentPhase.FLYING)
-        self._goals = hold(goals, flying, estimate, self._scene.limits.speed)
-        doing = instructions.doing
+        self._send_commands(instructions, state.estimate)
+        goals = self._landing.step(state.estimate, instructions.goals)
+        self._landing.repeat_missed(telemetry, state.estimate)
+        flying = vehicles.phases.among(AgentPhase.FLYING)
+        self._goals = hold(goals, flying, state.estimate, self._scene.limits.speed)
         if self._land_all is None or some(self._goals.active):
-            self._unreachable = self._steer(telemetry, estimate, health, self._goals, doing)
+            self._steer(state, shortlist(instructions.doing))
         else:
-            self._watch(telemetry, estimate, health)
+            self._watch(state)
         return self._landed() or MissionStatus(status, self._executor.reason)
+
+    def _steer(self, state: TickState, doing: str) -> None:
+        """Fly towards the goals for a tick."""
+        vehicles, estimate = self._vehicles, state.estimate
+        self._aim(state)
+        self._check(Stage.AIMED, state)
+        plan = self._pipeline.plan(estimate, state.goals)
+        state.setpoint = plan.setpoint
+        self._check(Stage.PLANNED, state)
+        state.redirected = self._uncertain.redirected
+        state.planned = vehicles.setpoint(state.setpoint, estimate)
+        state.setpoint = self._pipeline.avoid(state.visible, state.planned)
+        near = self._near(estimate)
+        with self._pipeline.safety_time:
+            self._check(Stage.AVOIDED, state)
+            safe, corrected = self._safety.filter(
+                state.visible, state.setpoint, state.planned, near
+            )
+        sent = vehicles.send(safe, state.telemetry, estimate)
+        self._record(state, plan, sent, doing, corrected, near)
+        unreachable = plan.unreachable & state.planned.active & ~state.redirected
+        self._unreachable = {
+            row: plan.reasons.get(row, "the planner finds no way to the goal")
+            for row in unreachable.nonzero()[0].tolist()
+        }
+
+    def _watch(self, state: TickState) -> None:
+        """Record a tick in which no plugin is called but the transport, and nothing is sent."""
+        n = len(self._scene.agents)
+        state.goals, plan = Goals.none(n), Plan.none(n)
+        unchanged = Corrected(*np.zeros((4, n), np.bool_))
+        near = self._near(state.estimate)
+        self._record(state, plan, plan.setpoint, "landing", unchanged, near)
+
+    def _check(self, stage: Stage, state: TickState) -> None:
+        """Check a tick after a stage, and act on what the monitors find."""
+        for monitor in self._monitors:
+            if monitor.after is stage:
+                for finding in monitor.check(state):
+                    self._act(finding, state)
+
+    def _act(self, finding: Finding, state: TickState) -> None:
+        """Act on a finding of a monitor: the only place that does."""
+        match finding:
+            case Use(table, value):
+                setattr(state, table, value)
+            case Report(kind, text, agent):
+                self._observers.event(kind, text, agent)
+            case Strike(kind, reason):
+                self._pipeline.fail({kind: reason})
+            case Brake():
+                still = np.zeros_like(state.setpoint.active)
+                state.setpoint = replace(state.setpoint, active=still)
+            case Exclude():
+                self._exclude(finding, state.estimate)
+
+    def _exclude(self, finding: Exclude, estimate: Estimate) -> None:
+        """Remove an agent from the mission; from its steps too, where its goal is its position."""
+        row, action, reason, fails = finding
+        name = self._scene.agents[row].name
+        slot = self._assignments.slot(row)
+        if fails and slot is not None:
+            self._uncertain_landings[slot] = name
+        self._rules.action[row] = action
+        self._observers.event("safety", f"{name} {ACTIONS[action]}: {reason}", name)
+        self._assignments.vacate([row])
+        goals = GoalDraft(self._goals)
+        goals.active[row] = False
+        alone = np.arange(len(estimate.valid)) == row
+        goals.hold(alone & estimate.valid, estimate, self._scene.limits.speed)
+        self._goals = goals.finish()
+        if action is SafetyAction.LAND:
+            self._landing.land([row])
+        elif action is SafetyAction.STOP:
+            self._vehicles.stop_motors(np.array([row]))
+
+    def _aim(self, state: TickState) -> None:
+        """Add the goals and which agents follow them to a tick's state."""
+        vehicles = self._vehicles
+        state.goals, state.phase = self._goals, vehicles.phases.of_agents()
+        state.landing = vehicles.phases.among(AgentPhase.LANDING)
+        state.landing[self._landing.rows] = True
+        state.steered = vehicles.steered(state.estimate) & ~state.landing
+        state.gone = self._gone()
 
     def land_all(self, *, complete: bool, at_once: bool = False) -> MissionStatus:
         """Land all agents from now on: the ticks that follow do nothing else.
@@ -171,52 +273,12 @@ class ControlLoop:
     def stop_locating(self) -> None:
         """Stop calling the localizer, which may have failed: no agent is located any more."""
         self._vehicles.stop_locating()
+        located = self._vehicles.estimate_monitor
+        self._monitors = tuple(each for each in self._monitors if each is not located)
 
     def give_up(self, error: PluginError) -> str:
         """Return what failed when all agents cannot be landed either, which `error` says."""
         return "" if self._land_all is None else self._land_all.give_up(error)
-
-    def _steer(
-        self,
-        telemetry: Telemetry,
-        estimate: Estimate,
-        health: Health,
-        goals: Goals,
-        doing: Sequence[str],
-    ) -> dict[int, str]:
-        """Fly towards goals for a tick; return why goals cannot be reached, by row."""
-        goals = self._redirect(estimate, goals)
-        plan = self._pipeline.plan(estimate, goals)
-        wanted = self._vehicles.setpoint(self._uncertain.stop(plan.setpoint), estimate)
-        seen = self._grounded.mark(estimate, health.phase, self._gone())
-        avoided = self._pipeline.avoid(seen, wanted)
-        near = self._near(estimate)
-        with self._pipeline.safety_time:
-            drawn_in, stuck = self._setpoints.check(estimate, self._kept(goals), avoided, wanted)
-            self._pipeline.fail(stuck)
-            if self._pipeline.strikes.pending:
-                drawn_in = replace(drawn_in, active=np.zeros_like(drawn_in.active))  # brake
-            safe, corrected = self._safety.filter(seen, drawn_in, wanted, near)
-        sent = self._vehicles.send(safe, telemetry, estimate)
-        outputs = telemetry, estimate, health, goals, plan, sent, self._pipeline.truth()
-        timing = self._vehicles.timing.of_tick(self._pipeline.took())
-        self._record(Tick(self._vehicles.time, *outputs, shortlist(doing), corrected, timing), near)
-        return {
-            row: plan.reasons.get(row, "the planner finds no way to the goal")
-            for row in (plan.unreachable & wanted.active & ~self._uncertain.redirected)
-            .nonzero()[0]
-            .tolist()
-        }
-
-    def _watch(self, telemetry: Telemetry, estimate: Estimate, health: Health) -> None:
-        """Record a tick in which no plugin is called but the transport, and nothing is sent."""
-        n = len(self._scene.agents)
-        plan, truth = Plan.none(n), self._pipeline.truth()
-        outputs = telemetry, estimate, health, Goals.none(n), plan, plan.setpoint, truth
-        unchanged = Corrected(*np.zeros((4, n), np.bool_))
-        timing = self._vehicles.timing.of_tick(self._pipeline.took())
-        tick = Tick(self._vehicles.time, *outputs, "landing", unchanged, timing)
-        self._record(tick, self._near(estimate))
 
     @property
     def phase(self) -> MissionPhase:
@@ -290,52 +352,6 @@ class ControlLoop:
         verb = "was" if len(names) == 1 else "were"
         return f"{shortlist(names)} {verb} too uncertain and landed early" if names else ""
 
-    def _apply_rules(self, estimate: Estimate, health: Health) -> Mask:
-        """Remove agents that violate a safety rule from the mission.
-
-        Returns:
-            (N,) agents that may be lost without failing their step.
-        """
-        for row, action, reason in self._rules.judge(self._vehicles.time, estimate, health):
-            self._remove(row, action, reason, estimate)
-        return self._rules.excuse(health, estimate.valid)
-
-    def _redirect(self, estimate: Estimate, goals: Goals) -> Goals:
-        """Return the goals, with those of agents that are too uncertain for their room changed."""
-        steered = self._vehicles.steered(estimate)
-        landing = self._vehicles.phases.among(AgentPhase.LANDING)
-        landing[self._landing.rows] = True
-        airborne = self._vehicles.phases.among(*AIRBORNE)
-        goals, lands = self._uncertain.redirect(
-            estimate, steered & ~landing, landing, airborne, goals
-        )
-        for row, reason in lands:
-            if (slot := self._assignments.slot(row)) is not None:
-                self._uncertain_landings[slot] = self._scene.agents[row].name
-            self._rules.action[row] = SafetyAction.LAND
-            self._remove(row, SafetyAction.LAND, reason, estimate)
-        return goals
-
-    def _kept(self, goals: Goals) -> Goals:
-        """Return the goals, without those of agents that the core stops on their way."""
-        redirected = self._uncertain.redirected
-        return replace(goals, active=goals.active & ~redirected) if some(redirected) else goals
-
-    def _remove(self, row: int, action: SafetyAction, reason: str, estimate: Estimate) -> None:
-        """Remove an agent from the mission, by an action."""
-        name = self._scene.agents[row].name
-        self._observers.event("safety", f"{name} {ACTIONS[action]}: {reason}", name)
-        self._assignments.vacate([row])
-        goals = GoalDraft(self._goals)
-        goals.active[row] = False
-        alone = np.arange(len(estimate.valid)) == row
-        goals.hold(alone & estimate.valid, estimate, self._scene.limits.speed)
-        self._goals = goals.finish()
-        if action is SafetyAction.LAND:
-            self._landing.land([row])
-        elif action is SafetyAction.STOP:
-            self._vehicles.stop_motors(np.array([row]))
-
     def _gone(self) -> Mask:
         """Return which agents do not take off again once they have landed: (N,).
 
@@ -344,6 +360,14 @@ class ControlLoop:
         if self._reserves is not None:
             return np.zeros(len(self._scene.agents), np.bool_)
         return self._assignments.removed()
+
+    def _cannot_go_on(self, health: Health, excused: Mask) -> str:
+        """Return the reason to end the mission, if there is one."""
+        return (
+            self._unfit_to_start(health)
+            or self._no_agent_left()
+            or self._lost_too_long(health, excused)
+        )
 
     def _no_agent_left(self) -> str:
         """Return the reason to end if the safety rules have removed every agent."""
@@ -374,10 +398,9 @@ class ControlLoop:
         late = (time - self._lost_since > MAX_LOST_TIME) & ~self._assignments.unassigned()
         return f"{self._scene.named(np.flatnonzero(late))} is lost" if some(late) else ""
 
-    def _context(
-        self, telemetry: Telemetry, estimate: Estimate, health: Health, excused: Mask
-    ) -> TickContext:
+    def _context(self, state: TickState, excused: Mask) -> TickContext:
         """Return the inputs of the steps, after reporting the commands that drones refused."""
+        telemetry, estimate, health = state.telemetry, state.estimate, state.health
         for row, reason in telemetry.refusals:
             name = self._scene.agents[row].name
             self._observers.event("refused", f"{name} {reason}", name)
@@ -403,8 +426,20 @@ class ControlLoop:
         """Return the pairs of agents that safety filter and metrics consider."""
         return Pairs.of(estimate.position, max(self._safety.reach, self._metrics.reach))
 
-    def _record(self, tick: Tick, near: Pairs) -> None:
+    def _record(
+        self,
+        state: TickState,
+        plan: Plan,
+        sent: Setpoint,
+        doing: str,
+        corrected: Corrected,
+        near: Pairs,
+    ) -> None:
         """Measure a tick and pass it to the observers."""
+        inputs = state.telemetry, state.estimate, state.health, state.goals
+        truth = self._pipeline.truth()
+        timing = self._vehicles.timing.of_tick(self._pipeline.took())
+        tick = Tick(self._vehicles.time, *inputs, plan, sent, truth, doing, corrected, timing)
         for failure in self._pipeline.strikes.drain():
             self._observers.event("plugin", failure)
         for event in self._metrics.add(tick, near):

@@ -50,6 +50,8 @@ class VehicleInterface:
         down_by: Time at which the last of all landings so far ends, s.
         ground: What shows that agents are on the ground.
         timing: Lateness of the ticks.
+        estimate_monitor: Finds estimates that contradict what agents report.
+        unheard: Where agents may be that are not heard.
     """
 
     def __init__(self, scene: Scene, pipeline: PluginPipeline, observers: Observers) -> None:
@@ -71,8 +73,8 @@ class VehicleInterface:
         self._until = np.zeros(n)  # s, earliest end of what a commander flies
         self._climbs = np.zeros(n)  # s, latest end of a climb
         self._setpoints_sent = np.zeros(n, np.bool_)  # in the last tick
-        self._monitor = EstimateMonitor(scene, pipeline.localizer)
-        self._unheard = UnheardAgents(n, scene.limits)
+        self.estimate_monitor = EstimateMonitor(scene, pipeline.localizer)
+        self.unheard = UnheardAgents(n, scene.limits)
         self._heard = np.ones(n, np.bool_)
         self._height = np.full(n, np.nan)  # m, as reported
         self._descending = np.zeros(n, np.bool_)  # by setpoints
@@ -105,26 +107,20 @@ class VehicleInterface:
 
     def locate(self, telemetry: Telemetry) -> Estimate:
         """Estimate the positions of the agents; send corrections to their own estimators."""
-        airborne = self.phases.among(*AIRBORNE)
         if self._localizer_failed and self.estimate is not None:
             unlocated = np.zeros(len(self.estimate.valid), np.bool_)
             estimate = replace(renewed(self.estimate, telemetry.time), valid=unlocated)
         else:
-            located = self._pipeline.locate(telemetry)
-            if len(located.corrections.agent):
-                self._pipeline.correct(located.corrections)
-            estimate, reports = self._monitor.check(located, telemetry, airborne)
-            for name, text in reports:
-                self._observers.event("estimate", text, name)
+            estimate = self._pipeline.locate(telemetry)
+            if len(estimate.corrections.agent):
+                self._pipeline.correct(estimate.corrections)
         self._heard = telemetry.age <= MAX_REPORT_AGE
         self._height = telemetry.position[:, 2]
-        self.estimate = self._unheard.mark(
-            estimate, telemetry.age, airborne, self.ground.steered_seen, telemetry.lands_by
-        )
-        return self.estimate
+        return estimate
 
     def track(self, telemetry: Telemetry, estimate: Estimate) -> Health:
         """Update the phases of the agents and the targets they found; return their health."""
+        self.estimate = estimate
         heard = telemetry.age <= MAX_REPORT_AGE
         self.ground.observe(self.time, telemetry)
         finished = telemetry.state & COMMANDER_FINISHED != 0
@@ -174,8 +170,8 @@ class VehicleInterface:
             setpoint.active,
         )
         sent = self._pipeline.send(odom, to_map)
-        self._unheard.steered(self.time, setpoint.active)
-        self._unheard.descend(self._descending)
+        self.unheard.steered(self.time, setpoint.active)
+        self.unheard.descend(self._descending)
         self.ground.steered(self.time, setpoint.active)
         if sent is odom:
             return setpoint
@@ -197,19 +193,19 @@ class VehicleInterface:
             self._commanded[command.agent] = command.order in UNSTEERED
         heard = self._heard[command.agent]
         if command.order in ON_BOARD:
-            self._unheard.flies_on_board(command.agent, command.end(), until)
+            self.unheard.flies_on_board(command.agent, command.end(), until)
         match command.order:
             case Order.TAKEOFF:
                 self.climb_top[command.agent] = command.position[:, 2]
                 self.phases.fire("take_off", command.agent)
             case Order.LAND:
-                self._unheard.lands(command.agent, self.time + command.duration, heard)
+                self.unheard.lands(command.agent, self.time + command.duration, heard)
                 lands = self.phases.of_agents()[command.agent] == AgentPhase.LANDING
                 self.phases.fire("land", command.agent[~lands])
                 self.down_by = max(self.down_by, self.time + float(command.duration.max(initial=0)))
             case Order.STOP:
                 fallen = np.full(len(heard), self.time + FALL_TIME)
-                self._unheard.lands(command.agent, fallen, heard)
+                self.unheard.lands(command.agent, fallen, heard)
                 self.phases.fire("fail", command.agent, "its motors were stopped")
             case Order.GOTO | Order.FOLLOW:
                 self._until[command.agent] = self.time + command.duration
@@ -221,7 +217,9 @@ class VehicleInterface:
         Their flow sensors see no motion: on board, they hold a velocity that is not zero.
         """
         steerable = self._setpoints_sent & self._heard & self.phases.among(AgentPhase.LOST)
-        drifts: Mask = steerable & self._monitor.sees_no_motion & (self._height > TOUCHDOWN_HEIGHT)
+        drifts: Mask = (
+            steerable & self.estimate_monitor.sees_no_motion & (self._height > TOUCHDOWN_HEIGHT)
+        )
         return drifts
 
     def descend(self, rows: Iterable[int]) -> None:
@@ -282,7 +280,7 @@ class VehicleInterface:
         self._setpoints_sent = setpoint.active | brakes
         if not some(brakes):
             return setpoint
-        rest = self._monitor.rest_velocity(estimate.map_from_odom)
+        rest = self.estimate_monitor.rest_velocity(estimate.map_from_odom)
         limit = self._scene.limits.speed
         rest[self._descending, 2] = -min(DESCENT_SPEED, limit)
         level = np.sqrt(limit**2 - rest[:, 2:] ** 2)  # m/s, that the descent leaves

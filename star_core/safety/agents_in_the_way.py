@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Final
 
@@ -9,6 +10,7 @@ import numpy as np
 
 from star_core.messages.arrays import Array, Mask, Rows, every, some
 from star_core.messages.state import AgentPhase, Estimate
+from star_core.safety.monitors import Stage, TickState, Use
 from star_core.scene import Limits
 
 MAX_REPORT_AGE: Final = 0.5
@@ -37,9 +39,15 @@ class GroundedAgents:
         limits: The separations.
     """
 
+    after = Stage.PLANNED
+
     def __init__(self, n: int, limits: Limits) -> None:
         self._depth = _depth(limits)
         self._fallen_at = np.full(n, np.inf)  # s
+
+    def check(self, state: TickState) -> Iterator[Use]:
+        """Yield the estimate by which agents are kept apart."""
+        yield Use("visible", self.mark(state.estimate, state.health.phase, state.gone))
 
     def mark(self, estimate: Estimate, phase: Rows, gone: Mask) -> Estimate:
         """Return the estimate with these agents below the ground.
@@ -92,6 +100,8 @@ class UnheardAgents:
         limits: The separations.
     """
 
+    after = Stage.LOCATED
+
     def __init__(self, n: int, limits: Limits) -> None:
         self._depth = _depth(limits)
         self._astray = np.zeros(n, np.bool_)  # heard, but not located since they were in the air
@@ -101,6 +111,15 @@ class UnheardAgents:
         self._end = np.full((n, 3), np.nan)  # m, where that ends; x and y of a climb are NaN
         self._ends_at = np.full(n, np.inf)  # s, planned
         self._lands = np.zeros(n, np.bool_)  # whether they were last commanded to land or to stop
+
+    def check(self, state: TickState) -> Iterator[Use]:
+        """Yield the estimate with the agents marked that are not heard or not located."""
+        telemetry = state.telemetry
+        marked = self.mark(
+            state.estimate, telemetry.age, state.airborne, state.taken_over, telemetry.lands_by
+        )
+        if marked is not state.estimate:
+            yield Use("estimate", marked)
 
     def steered(self, time: float, rows: Mask | Rows) -> None:
         """Note that setpoints were sent to agents: without another one their motors stop."""

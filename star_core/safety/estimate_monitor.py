@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 
-from star_core.messages.arrays import Array, Mask, some
+from star_core.messages.arrays import Array, some
 from star_core.messages.rotations import Transform
-from star_core.messages.state import Estimate
-from star_core.messages.telemetry import Telemetry
 from star_core.safety.agents_in_the_way import MAX_REPORT_AGE
 from star_core.safety.drag_check import DragCheck
 from star_core.safety.estimate_gate import EstimateGate, Jump
+from star_core.safety.monitors import Report, Stage, TickState, Use
 from star_core.safety.motion_check import MotionCheck
 from star_core.scene import Scene
 
@@ -29,6 +29,8 @@ class EstimateMonitor:
             stuck.
     """
 
+    after = Stage.LOCATED
+
     def __init__(self, scene: Scene, localizer: str) -> None:
         n = len(scene.agents)
         self.sees_no_motion = np.zeros(n, np.bool_)
@@ -43,32 +45,24 @@ class EstimateMonitor:
             np.array([agent.start for agent in scene.agents]),
         )
 
-    def check(
-        self, estimate: Estimate, telemetry: Telemetry, airborne: Mask
-    ) -> tuple[Estimate, list[tuple[str, str]]]:
-        """Return the estimate without implausible positions and motions, and reports of new ones.
+    def check(self, state: TickState) -> Iterator[Report | Use]:
+        """Yield the estimate without implausible positions and motions, and reports of new ones.
 
         Agents whose frames are not finite have the last known ones.
-
-        Args:
-            estimate: A localizer's.
-            telemetry: Of the tick.
-            airborne: (N,) which agents are in the air.
-
-        Returns:
-            The estimate, and a name and a text for each agent that brakes from now on.
         """
+        estimate, telemetry, airborne = state.estimate, state.telemetry, state.airborne
         if not estimate.map_from_odom.all_known:
             frames = estimate.map_from_odom.where(estimate.map_from_odom.known, self._frames)
             estimate = replace(estimate, map_from_odom=frames)
         self._frames = estimate.map_from_odom
         heard = telemetry.age <= MAX_REPORT_AGE
-        accepted, reports = estimate, []
+        accepted = estimate
         if not self._gate.accepts(estimate, telemetry, airborne, heard):
             reported = np.where(heard[:, None], telemetry.velocity, np.nan)
             height = np.where(heard, telemetry.position[:, 2], np.nan)
             accepted, jumps = self._gate.check(estimate, airborne, reported, heard, height)
-            reports = [(self._names[jump.row], self._of_jump(jump)) for jump in jumps]
+            for jump in jumps:
+                yield Report("estimate", self._of_jump(jump), self._names[jump.row])
         tilts = self._motion.check(telemetry, airborne)
         dragged = self._drag.check(telemetry, airborne, tilts)
         self._motion.correct(self._drag.missing)
@@ -77,17 +71,19 @@ class EstimateMonitor:
         for row in (contradicted & ~self._contradicted).nonzero()[0].tolist():
             by = "tilt" if tilts[row] else "drag"
             text = f"{self._names[row]} brakes: it flies faster than it reports, by its {by}"
-            reports.append((self._names[row], f"{text}; does its flow sensor see the floor?"))
+            text += "; does its flow sensor see the floor?"
+            yield Report("estimate", text, self._names[row])
         self._contradicted = contradicted
-        if not some(contradicted):
-            return accepted, reports
-        away, faster = map(accepted.map_from_odom.turn, self._errors())
-        return replace(
-            accepted,
-            position=accepted.position + away,
-            velocity=accepted.velocity + faster,
-            valid=accepted.valid & ~contradicted,
-        ), reports
+        if some(contradicted):
+            away, faster = map(accepted.map_from_odom.turn, self._errors())
+            accepted = replace(
+                accepted,
+                position=accepted.position + away,
+                velocity=accepted.velocity + faster,
+                valid=accepted.valid & ~contradicted,
+            )
+        if accepted is not state.estimate:
+            yield Use("estimate", accepted)
 
     def rest_velocity(self, map_from_odom: Transform) -> Array:
         """Return the velocities, (N, 3) m/s in the map, at which agents are at rest.

@@ -2,37 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from enum import IntEnum
-from typing import Any, Final, NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
 
 import numpy as np
 
 from star_core.messages.arrays import Array, Mask
 from star_core.messages.state import AgentPhase, Estimate, Health
 from star_core.safety.agents_in_the_way import MAX_REPORT_AGE
+from star_core.safety.monitors import Exclude, SafetyAction, Stage, TickState
 from star_core.scene import Scene
 
 BATTERY_SAG_TIME: Final = 1.0  # s that a battery must stay below its limit: it sags under load
 SUNK_TIME: Final = 2.0  # s that a flying agent must stay at the floor: some rebound
 FLOOR_SHARE: Final = 0.5  # of the lowest height to fly at: below it is the floor
-
-
-class SafetyAction(IntEnum):
-    """What a rule does with an agent, from the mildest to the most severe."""
-
-    NOTHING = 0
-    HOLD = 1
-    LAND = 2
-    STOP = 3
-
-
-class Verdict(NamedTuple):
-    """The action for an agent from now on, and the reason."""
-
-    row: int
-    action: SafetyAction
-    reason: str
 
 
 class Rules:
@@ -46,6 +29,8 @@ class Rules:
         action: (N,) `SafetyAction` for each agent so far.
     """
 
+    after = Stage.TRACKED
+
     def __init__(self, scene: Scene, rules: Mapping[str, Mapping[str, Any]]) -> None:
         n = len(scene.agents)
         self._low = np.array(scene.world.fence.low)
@@ -55,9 +40,10 @@ class Rules:
         self._since = {name: np.full(n, np.nan) for name in self._rules}  # s, of each violation
         self.action = np.zeros(n, np.int64)
 
-    def judge(self, time: float, estimate: Estimate, health: Health) -> list[Verdict]:
-        """Return the new verdicts at a mission time, s."""
-        new = []
+    def check(self, state: TickState) -> Sequence[Exclude]:
+        """Return the agents that violate a rule from now on."""
+        new, time = [], state.telemetry.time
+        estimate, health = state.estimate, state.health
         for name, rule in self._rules.items():
             violated, duration, reasons = self._violations(name, rule, estimate, health)
             since = np.where(violated, np.fmin(self._since[name], time), np.nan)
@@ -66,7 +52,7 @@ class Rules:
             action = SafetyAction[rule["then"].upper()]
             for row in np.flatnonzero(fires & (self.action < action)).tolist():
                 self.action[row] = action
-                new.append(Verdict(row, action, f"{name}: {reasons[row]}"))
+                new.append(Exclude(row, action, f"{name}: {reasons[row]}"))
         return new
 
     @property

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Final
 
@@ -12,6 +13,7 @@ from star_core.messages.arrays import Array, Mask, frozen, some
 from star_core.messages.state import Estimate, Goals, Setpoint
 from star_core.safety.braking import BRAKING_GAIN, LAG, RETURN_SPEED
 from star_core.safety.filter import MIN_CORRECTION
+from star_core.safety.monitors import Stage, Strike, TickState, Use
 from star_core.scene import Scene
 from star_core.toolkit.jit import compiled
 
@@ -62,6 +64,8 @@ class SetpointMonitor:
         scene: Agents, fence and tick.
     """
 
+    after = Stage.AVOIDED
+
     def __init__(self, scene: Scene) -> None:
         self._fence = np.array([scene.world.fence.low, scene.world.fence.high])
         self._period = scene.period
@@ -72,21 +76,23 @@ class SetpointMonitor:
         self._quiet(none, none, Goals.none(len(none)), at_rest, at_rest)  # before the flight
         self.press, self.repeated = FencePress(scene), RepeatedSetpoints(scene)
 
-    def check(
-        self, estimate: Estimate, goals: Goals, avoided: Setpoint, wanted: Setpoint
-    ) -> tuple[Setpoint, dict[str, str]]:
-        """Return the avoider's setpoint, drawn in from the fence, and what is wrong, by plugin.
-
-        Args:
-            estimate: Of the agents' positions.
-            goals: The tasks'.
-            avoided: The avoider's setpoint.
-            wanted: The planner's.
-        """
+    def check(self, state: TickState) -> Iterator[Use | Strike]:
+        """Yield the avoider's setpoint, drawn in from the fence, and what is wrong, by plugin."""
+        estimate, goals, avoided, wanted = (
+            state.estimate,
+            state.goals,
+            state.setpoint,
+            state.planned,
+        )
+        if some(state.redirected):  # the core stops them on their way to their goals
+            goals = replace(goals, active=goals.active & ~state.redirected)
         if self._quiet(estimate.position, estimate.velocity, goals, avoided, wanted):
-            return avoided, {}
+            return
         drawn_in, outward = self.press.draw_in(estimate, avoided, wanted)
-        return drawn_in, self.repeated.find(estimate, goals, avoided, wanted, outward)
+        if drawn_in is not avoided:
+            yield Use("setpoint", drawn_in)
+        for kind, reason in self.repeated.find(estimate, goals, avoided, wanted, outward).items():
+            yield Strike(kind, reason)
 
     def _quiet(
         self, position: Array, flown: Array, goals: Goals, avoided: Setpoint, wanted: Setpoint

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from enum import IntEnum
 from typing import Final
@@ -13,6 +13,8 @@ import numpy as np
 from star_core.messages.arrays import Array, Mask, Rows, some
 from star_core.messages.position_margin import position_margin
 from star_core.messages.state import Estimate, Goals, Setpoint
+from star_core.safety.monitors import Exclude, SafetyAction, TickState, Use
+from star_core.safety.monitors import Stage as TickStage
 from star_core.safety.room import PARTING_SPEED, PairRoom, Room, WallRoom
 from star_core.scene import Scene
 from star_core.world.world import CONTACT_RADIUS
@@ -53,6 +55,8 @@ class UncertainAgents:
         report: Receives the text of an event and the agent's name.
     """
 
+    after = TickStage.AIMED
+
     def __init__(self, scene: Scene, report: Callable[[str, str], None]) -> None:
         n = len(scene.agents)
         self._scene, self._report = scene, report
@@ -67,6 +71,16 @@ class UncertainAgents:
         self._time = 0.0  # s, of the tick
         self._near = NOTHING_NEAR
         self._stopped = np.zeros(n, np.bool_)  # in the last tick
+
+    def check(self, state: TickState) -> Iterator[Use | Exclude]:
+        """Yield the goals of agents that return, and the agents that must land."""
+        goals, lands = self.redirect(
+            state.estimate, state.steered, state.landing, state.airborne, state.goals
+        )
+        for row, reason in lands:
+            yield Exclude(row, SafetyAction.LAND, reason, fails=True)
+        if goals is not state.goals:
+            yield Use("goals", goals)
 
     @property
     def redirected(self) -> Mask:
@@ -245,3 +259,22 @@ class UncertainAgents:
             speed=np.where(returns, self._scene.limits.speed, goals.speed),
             active=goals.active | returns,
         )
+
+
+class StoppedAgents:
+    """Stops agents where planned setpoints lead nearer to what there is no room to.
+
+    Args:
+        agents: Knows which these are.
+    """
+
+    after = TickStage.PLANNED
+
+    def __init__(self, agents: UncertainAgents) -> None:
+        self._agents = agents
+
+    def check(self, state: TickState) -> Iterator[Use]:
+        """Yield the planned setpoint, changed for these agents."""
+        stopped = self._agents.stop(state.setpoint)
+        if stopped is not state.setpoint:
+            yield Use("setpoint", stopped)

@@ -11,8 +11,10 @@ import numpy as np
 from star_core import AgentPhase, Array, Estimate, Order, Supervisor, Telemetry
 from star_core.mission_file.schema import load
 from star_core.plugin_support.option_schema import fill_defaults
-from star_core.safety.rules import BATTERY_SAG_TIME, SUNK_TIME, Rules, SafetyAction
+from star_core.safety.monitors import SafetyAction, TickState
+from star_core.safety.rules import BATTERY_SAG_TIME, SUNK_TIME, Rules
 from star_core.testing import estimate, health, scene
+from star_core.testing.inputs import flight_telemetry
 from tests.core.conftest import Lab
 from tests.core.test_executor import silent
 
@@ -45,7 +47,10 @@ def judged(
                 well = replace(well, position=np.stack([position, here[1]]))
             for name, new in changes.items():
                 where = replace(where, **{name: np.array([new, getattr(where, name)[1]])})
-        fired += [(round(time, 6), v.row, v.action) for v in watch.judge(time, well, where)]
+        none = np.zeros(2, np.bool_)
+        state = TickState(flight_telemetry(scene(2), time, none, none), where.phase, none)
+        state.estimate, state.health = well, where
+        fired += [(round(time, 6), f.row, f.action) for f in watch.check(state)]
     return fired
 
 

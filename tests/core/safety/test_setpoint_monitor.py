@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
-from star_core import Goals, Setpoint
+from star_core import Estimate, Goals, Setpoint
 from star_core.safety import setpoint_monitor
+from star_core.safety.monitors import TickState, Use
 from star_core.safety.setpoint_monitor import SetpointMonitor
 from star_core.testing import estimate, scene
+from star_core.testing.inputs import flight_telemetry
 
 N = 3
 VALUES = np.array([0.0, 0.4, 0.5, -0.5, 9.0, np.nan, np.inf])  # m/s and m; 9 leads out of any fence
@@ -28,6 +31,24 @@ def states(monitor: SetpointMonitor) -> list[np.ndarray]:
     return [
         press.pressed, repeated.lasted, repeated.before, repeated.begun, repeated.near,
     ]  # fmt: skip
+
+
+def findings(
+    monitor: SetpointMonitor, now: Estimate, goals: Goals, setpoints: list[Setpoint]
+) -> list[Any]:
+    """Return the velocities to go on with, and the strikes."""
+    none = np.zeros(N, np.bool_)
+    state = TickState(flight_telemetry(scene(N), 0.0, none, none), np.zeros(N, np.int64), none)
+    state.estimate, state.goals, state.redirected = now, goals, none
+    state.setpoint, state.planned = setpoints
+    velocity, strikes = state.setpoint.velocity, []
+    for finding in monitor.check(state):
+        if isinstance(finding, Use):
+            assert isinstance(finding.value, Setpoint)
+            velocity = finding.value.velocity
+        else:
+            strikes.append(finding)
+    return [velocity, *strikes]
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -52,12 +73,12 @@ def test_the_kernel_agrees_with_the_readable_classes(
             Setpoint(one, np.zeros(N), np.arange(N) < 2 + (seed % 2)) for one in (avoided, wanted)
         ]
         monkeypatch.setattr(setpoint_monitor, "nothing_wrong", kernel)
-        first = quick.check(now, goals, *setpoints)
-        quiet += first[0] is setpoints[0] and not first[1]
+        first = findings(quick, now, goals, setpoints)
+        quiet += first[0] is setpoints[0].velocity and len(first) == 1
         monkeypatch.setattr(setpoint_monitor, "nothing_wrong", lambda *_: False)
-        second = readable.check(now, goals, *setpoints)
-        assert first[1] == second[1]
-        np.testing.assert_array_equal(first[0].velocity, second[0].velocity)
+        second = findings(readable, now, goals, setpoints)
+        assert first[1:] == second[1:]
+        np.testing.assert_array_equal(first[0], second[0])
         for one, other in zip(states(quick), states(readable), strict=True):
             np.testing.assert_allclose(one, other, rtol=1e-12)
     assert quiet > 0
