@@ -8,12 +8,13 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from star_core.geometry.neighbours import Pairs
-from star_core.messages.arrays import Array, Mask, Rows
+from star_core.messages.arrays import Array, Mask, Rows, frozen
 from star_core.messages.position_margin import ALONE_SHARE, MAX_MARGIN_RATIO
 from star_core.messages.state import Estimate
 from star_core.safety.braking import LAG
-from star_core.safety.walls import nearest_wall, walls
+from star_core.safety.walls import Walls, nearest_wall, walls
 from star_core.scene import Scene
+from star_core.toolkit.jit import compiled
 from star_core.world.world import CONTACT_RADIUS
 
 WALL_SHARE: Final = 0.5
@@ -27,8 +28,26 @@ MIN_NEED: Final = 0.05  # m; an agent that needs less room to walls always has i
 MIN_ROOM: Final = 1e-3  # m, in ratios: an agent in contact has hardly any
 COLLISION_DISTANCE: Final = 2 * CONTACT_RADIUS  # m between two agents
 PARTING_SPEED: Final = 0.05  # m/s, from which on two agents fly apart
+MANY: Final = 64  # agents, from which on it is quicker to search the pairs near each other
+CAUTION: Final = 1.001  # factor that covers the rounding by which `measure` may differ
 
 _INWARDS: Final = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])  # of the fence
+
+
+class Surroundings(NamedTuple):
+    """What `measure` found.
+
+    Attributes:
+        enough: Whether no agent lacks room: then there is nothing more to compute.
+        distance: (N,) of agents that need room to the nearest obstacle, m; infinite without one.
+        piece: (N,) the piece of this obstacle.
+        away: (N, 2) unit vectors away from it.
+    """
+
+    enough: bool
+    distance: Array
+    piece: Rows
+    away: Array
 
 
 class WallRoom(NamedTuple):
@@ -85,26 +104,62 @@ class Room:
         self._limited = limits.separation > 0.0
         self._margin_limit = MAX_MARGIN_RATIO * limits.separation / 2  # m
         self._braking = 2 * LAG * limits.speed  # m, in which two agents that meet stop, at most
-        self._fence = np.array([scene.world.fence.low[:2], scene.world.fence.high[:2]])
+        self._fence = np.array([scene.world.fence.low[:2], scene.world.fence.high[:2]], float)
         self._walls = walls(scene.world.obstacles)
-        nearest_wall(np.zeros((1, 3)), np.zeros(1, np.int64), self._walls)  # before the flight
+        none = frozen(np.zeros((0, 3))), frozen(np.zeros((0, 3))), frozen(np.zeros((0, 3, 3)))
+        self._measure(*none, np.zeros(0), np.zeros(0, np.bool_), np.zeros(0, np.bool_), 1.0)
 
-    def to_walls(self, estimate: Estimate, std: Array, agents: Mask) -> WallRoom | None:
+    def measure(
+        self, estimate: Estimate, std: Array, steered: Mask, airborne: Mask, min_use: float
+    ) -> Surroundings:
+        """Return what is near agents, and whether none of them lacks room.
+
+        Args:
+            estimate: Of the positions.
+            std: (N,) standard deviations in the plane, m.
+            steered: (N,) agents that need room to walls.
+            airborne: (N,) agents that need room to each other.
+            min_use: Pairs that use less of their room do not lack it.
+        """
+        tables = estimate.position, estimate.velocity, estimate.covariance
+        return self._measure(*tables, std, steered, airborne, min_use)
+
+    def _measure(
+        self,
+        position: Array,
+        velocity: Array,
+        covariance: Array,
+        std: Array,
+        steered: Mask,
+        airborne: Mask,
+        min_use: float,
+    ) -> Surroundings:
+        n = len(position)
+        distance, piece, away = np.empty(n), np.empty(n, np.int64), np.empty((n, 2))
+        limit = self._margin_limit if self._limited else math.inf
+        enough = measure(
+            *(distance, piece, away, position, velocity, covariance, std, steered, airborne),
+            *(self._walls, self._fence, self._deviations, limit, min_use),
+        )
+        return Surroundings(enough, distance, piece, away)
+
+    def to_walls(
+        self, estimate: Estimate, std: Array, agents: Mask, near: Surroundings
+    ) -> WallRoom | None:
         """Return how near agents are to walls; None if all of them need hardly any room.
 
         Args:
             estimate: Of the positions.
             std: (N,) standard deviations in the plane, m.
             agents: (N,) those that are considered.
+            near: What `measure` found for them.
         """
         needed = np.where(agents, WALL_SHARE * self._deviations * std, 0.0)
         rows: Rows = np.flatnonzero(needed > MIN_NEED)
         if not len(rows):
             return None
-        position = np.ascontiguousarray(estimate.position)
-        distance, piece, away = nearest_wall(position, rows, self._walls)
-        distance -= CONTACT_RADIUS
-        obstacle = self._walls.obstacle[piece] if len(self._walls.obstacle) else piece
+        position, distance = estimate.position, near.distance - CONTACT_RADIUS
+        obstacle = self._walls.obstacle[near.piece] if len(self._walls.obstacle) else near.piece
         sides = np.hstack([position[:, :2] - self._fence[0], self._fence[1] - position[:, :2]])
         side = sides.argmin(axis=1)
         fence = sides.min(axis=1)
@@ -112,7 +167,7 @@ class Room:
         room = np.where(nearer, fence + FENCE_TOLERANCE, distance)
         return WallRoom(
             use=np.where(needed > MIN_NEED, needed / np.maximum(room, MIN_ROOM), 0.0),
-            away=np.where(nearer[:, None], _INWARDS[side], away),
+            away=np.where(nearer[:, None], _INWARDS[side], near.away),
             distance=np.where(nearer, fence, distance),
             obstacle=np.where(nearer, -1, obstacle),
         )
@@ -160,3 +215,75 @@ class Room:
     def _needed(self, first: Array, second: Array) -> Array:
         """Return the room that two agents need for their standard deviations, m."""
         return self._deviations * np.hypot(first, second)
+
+
+@compiled
+def measure(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apart quickest
+    distance: Array,
+    piece: Rows,
+    away: Array,
+    position: Array,
+    velocity: Array,
+    covariance: Array,
+    std: Array,
+    steered: Mask,
+    airborne: Mask,
+    wall: Walls,
+    fence: Array,
+    deviations: float,
+    margin_limit: float,
+    min_use: float,
+) -> bool:
+    """Find the nearest walls, and return whether surely no agent lacks room, as `Room` defines it.
+
+    Args:
+        distance: (N,) output, as `Surroundings` has them; so are the next two.
+        piece: (N,)
+        away: (N, 2)
+        position: (N, 3) m.
+        velocity: (N, 3) m/s.
+        covariance: (N, 3, 3) of the positions, m².
+        std: (N,) standard deviations in the plane, m.
+        steered: (N,) agents that need room to walls.
+        airborne: (N,) agents that need room to each other.
+        wall: The pieces of the obstacles.
+        fence: (2, 2) its least and its greatest x and y, m.
+        deviations: Number of standard deviations that agents need as room.
+        margin_limit: Up to this number of standard deviations, m, margins keep enough room.
+        min_use: Pairs that use less of their room do not lack it.
+    """
+    n, enough, uncertain = len(std), True, False
+    for row in range(n):
+        distance[row], piece[row] = math.inf, 0
+        away[row, 0] = away[row, 1] = 0.0
+        uncertain = uncertain or (airborne[row] and not deviations * std[row] <= margin_limit)
+        needed = WALL_SHARE * deviations * std[row]
+        if steered[row] and needed > MIN_NEED:
+            least, k, x, y = nearest_wall(position, row, wall)
+            distance[row], piece[row], away[row, 0], away[row, 1] = least, k, x, y
+            room = least - CONTACT_RADIUS
+            for axis in range(2):
+                room = min(room, position[row, axis] - fence[0, axis] + FENCE_TOLERANCE)
+                room = min(room, fence[1, axis] - position[row, axis] + FENCE_TOLERANCE)
+            enough = enough and needed * CAUTION < room
+    if not uncertain or not enough:
+        return enough
+    if n >= MANY:
+        return False
+    for i in range(n):
+        for j in range(i):
+            if not airborne[i] or not airborne[j]:
+                continue
+            east, north = position[i, 0] - position[j, 0], position[i, 1] - position[j, 1]
+            apart = math.sqrt(east * east + north * north)
+            parting = east * (velocity[i, 0] - velocity[j, 0])
+            parting += north * (velocity[i, 1] - velocity[j, 1])
+            parting /= max(apart, MIN_ROOM)
+            room = apart + LAG * min(parting, 0.0) - COLLISION_DISTANCE
+            needed = deviations * math.sqrt(std[i] * std[i] + std[j] * std[j])
+            variance = max(covariance[i, 2, 2], 0.0) + max(covariance[j, 2, 2], 0.0)
+            height = deviations * math.sqrt(variance)
+            close = abs(position[i, 2] - position[j, 2]) < (height + COLLISION_DISTANCE) * CAUTION
+            if close and needed * CAUTION > min_use * room and parting < PARTING_SPEED * CAUTION:
+                return False
+    return True

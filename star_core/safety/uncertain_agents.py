@@ -104,13 +104,13 @@ class UncertainAgents:
         if self._scene.limits.uncertainty_margin == 0.0:
             return goals, []
         self._time = estimate.time
-        std = position_margin(estimate.covariance, 1.0, math.inf)
-        corrected = steered & (std < CORRECTION_RATIO * self._std)
-        if some(corrected):
-            self._corrected_at[corrected] = estimate.position[corrected, :2]
-        self._std = std
+        std = self._std = self._updated_std(estimate, steered)
         self._stage *= steered  # the others fly
-        walls = self._room.to_walls(estimate, std, steered)
+        min_use = WAITING_USE if some(landing) else 1.0
+        near = self._room.measure(estimate, std, steered, airborne, min_use)
+        if near.enough and not some(self._stage > 0):  # `Stage.FLIES`
+            return goals, []
+        walls = self._room.to_walls(estimate, std, steered, near)
         pairs = self._room.between(estimate, std, airborne, WAITING_USE)
         if walls is None and pairs is None and not some(self._stage > 0):
             return goals, []
@@ -131,6 +131,14 @@ class UncertainAgents:
                 lands.append((row, text))
         self._near = self._constraints(walls, pairs, steered, landing)
         return self._redirected(goals), lands
+
+    def _updated_std(self, estimate: Estimate, steered: Mask) -> Array:
+        """Return the standard deviations in the plane, (N,) m; note which were just corrected."""
+        std = position_margin(estimate.covariance, 1.0, math.inf)
+        corrected = steered & (std < CORRECTION_RATIO * self._std)
+        if some(corrected):
+            self._corrected_at[corrected] = estimate.position[corrected, :2]
+        return std
 
     def stop(self, setpoint: Setpoint) -> Setpoint:
         """Return planned setpoints, at rest where they lead nearer to what there is no room to.

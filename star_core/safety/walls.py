@@ -58,29 +58,26 @@ def walls(obstacles: Iterable[Obstacle]) -> Walls:
     )
 
 
-@compiled
-def nearest_wall(position: Array, rows: Rows, wall: Walls) -> tuple[Array, Rows, Array]:
-    """Return the distance of some agents to the nearest piece beside them, and which it is.
+@subroutine
+def nearest_wall(position: Array, row: int, wall: Walls) -> tuple[float, int, float, float]:
+    """Return the distance of an agent to the nearest piece beside it, and which it is.
 
     Args:
         position: (N, 3) m.
-        rows: (K,) agents.
+        row: Of the agent.
         wall: The pieces.
 
     Returns:
-        (N,) m, negative inside a piece, infinite where none is within `REACH`; (N,) pieces; and
-        (N, 2) unit vectors away from these, or out of them.
+        m, negative inside a piece, infinite if none is within `REACH`; the piece; and the unit
+        vector away from it, or out of it.
     """
-    nearest, piece = np.full(len(position), math.inf), np.zeros(len(position), np.int64)
-    away = np.zeros((len(position), 2))
-    for row in rows:
-        for k in range(len(wall.obstacle)):
-            if is_beside(position, row, wall, k):
-                distance, x, y = way_out(position[row, 0], position[row, 1], wall, k)
-                if distance < nearest[row]:
-                    nearest[row], piece[row] = distance, k
-                    away[row, 0], away[row, 1] = x, y
-    return nearest, piece, away
+    nearest, piece, away_x, away_y = math.inf, 0, 0.0, 0.0
+    for k in range(len(wall.obstacle)):
+        if is_beside(position, row, wall, k):
+            distance, x, y = way_out(position[row, 0], position[row, 1], wall, k)
+            if distance < nearest:
+                nearest, piece, away_x, away_y = distance, k, x, y
+    return nearest, piece, away_x, away_y
 
 
 @compiled
