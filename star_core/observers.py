@@ -8,9 +8,9 @@ from contextlib import contextmanager
 from typing import Any
 
 from star_core.messages.events import Event
+from star_core.plugin_support.compute_time import ComputeTime
 from star_core.plugin_support.guard import PluginTimeout
 from star_core.plugin_support.plugin_manager import PluginManager
-from star_core.plugin_support.timing import ComputeTime
 
 log = logging.getLogger(__name__)
 

@@ -26,6 +26,7 @@ from star_core.messages.telemetry import (
     Telemetry,
 )
 from star_core.mission import Mission
+from star_core.plugin_support.compute_time import ComputeTime, Stopwatch
 from star_core.plugin_support.guard import (
     PluginGuard,
     Strikes,
@@ -43,7 +44,6 @@ from star_core.plugin_support.outputs import (
     checked_time,
     checked_truth,
 )
-from star_core.plugin_support.timing import ComputeTime, Stopwatch
 from star_core.registry import Registry
 from star_core.toolkit.progress import Progress
 

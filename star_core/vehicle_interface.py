@@ -16,7 +16,7 @@ from star_core.metrics.targets import Targets
 from star_core.observers import Observers
 from star_core.phases import Phases
 from star_core.pipeline import PluginPipeline, renewed
-from star_core.plugin_support.timing import TickTiming
+from star_core.plugin_support.tick_timing import TickTiming
 from star_core.safety.agents_in_the_way import FALL_TIME, MAX_REPORT_AGE, UnheardAgents
 from star_core.safety.estimate_monitor import EstimateMonitor
 from star_core.safety.ground_evidence import ON_BOARD, GroundEvidence

@@ -17,6 +17,7 @@ from star_core.messages.commands import Trajectory
 from star_core.messages.state import AgentPhase, Estimate, Goals, Health
 from star_core.mission import Action, Mission, actions
 from star_core.observers import Observers
+from star_core.plugin_support.compute_time import ComputeTime
 from star_core.plugin_support.guard import (
     PluginGuard,
     Strikes,
@@ -26,7 +27,6 @@ from star_core.plugin_support.guard import (
     require_signature,
 )
 from star_core.plugin_support.outputs import checked_timeout
-from star_core.plugin_support.timing import ComputeTime
 from star_core.registry import Registry
 from star_core.scene import Scene
 from star_core.toolkit.timeouts import step_timeout

@@ -13,8 +13,8 @@ from star_core.executor import StepExecutor
 from star_core.messages.state import Estimate, Goals, Health
 from star_core.mission import Action, Mission
 from star_core.observers import Observers
+from star_core.plugin_support.compute_time import ComputeTime
 from star_core.plugin_support.guard import Strikes
-from star_core.plugin_support.timing import ComputeTime
 from star_core.registry import Registry
 
 MakeTask: TypeAlias = Callable[[Action, tuple[int, ...], Callable[[], Task]], Task]

@@ -9,13 +9,16 @@ from collections.abc import Callable, Iterator
 from functools import cached_property, update_wrapper
 from pickle import UnpicklingError
 from types import CodeType, FunctionType, ModuleType
-from typing import Any, Final, TypeVar, cast
+from typing import Any, Final, NamedTuple, TypeVar, cast
 
 import numpy as np
 from numba import njit, types
 from numba.core.caching import FunctionCache
+from numba.core.compiler import CompilerBase, DefaultPassBuilder
+from numba.core.compiler_machinery import register_pass
 from numba.core.dispatcher import Dispatcher
 from numba.core.event import Listener, register
+from numba.core.untyped_passes import DeadBranchPrune
 from numba.extending import typeof_impl
 
 from star_core.toolkit.compile_time import compiling
@@ -39,8 +42,8 @@ def compiled(function: Function, **options: Any) -> Function:
             when the argument is None, those under ``argument is not None`` only when it is not.
         options: Of `numba.njit`.
     """
-    bare: dict[str, Any] = {"no_cfunc_wrapper": True, **options}
-    kernel: Any = njit(error_model="numpy", **bare)(function)
+    bare: dict[str, Any] = {"no_cfunc_wrapper": True, **COMMON, **options}
+    kernel: Any = njit(**bare)(function)
     if kernel is not function:  # as it is with NUMBA_DISABLE_JIT
         kernel._cache = _KernelCache(kernel)  # noqa: SLF001 -- what `cache=True` does
         kernel._compile_for_args = _with_large_stack(kernel._compile_for_args)  # noqa: SLF001
@@ -67,8 +70,8 @@ class _Subroutine:
 
     def __init__(self, function: Callable[..., Any], options: dict[str, Any]) -> None:
         bare: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-        bare |= {"forceinline": True, **options}
-        self.dispatcher: Any = njit(error_model="numpy", **bare)(function)
+        bare |= {"forceinline": True, **COMMON, **options}
+        self.dispatcher: Any = njit(**bare)(function)
         self.py_func = function
         update_wrapper(self, function)
 
@@ -76,9 +79,47 @@ class _Subroutine:
         return self.py_func(*arguments)
 
 
-# Numba drops a branch for an argument that is None; and for one that is not, if its type has this.
-for _given in types.Array, types.Record:
-    _given.literal_type = property(lambda self: self)  # type: ignore[union-attr]
+@register_pass(mutates_CFG=True, analysis_only=False)  # type: ignore[no-untyped-call]
+class _PruneBranches(DeadBranchPrune):
+    """Drops branches under ``argument is None`` also where the argument is an array or a record.
+
+    Numba drops such a branch where the argument is None, or has a type of which it knows that it is
+    not: one with a `literal_type`.
+    """
+
+    _name = "star_prune_branches"
+
+    def run_pass(self, state: Any) -> bool:
+        own, state.args = state.args, tuple(map(_known_type, state.args))
+        pruned: bool = super().run_pass(state)  # type: ignore[no-untyped-call]
+        state.args = own
+        return pruned
+
+
+class _KnownType(NamedTuple):
+    """Stands for the type of an argument that is not None."""
+
+    literal_type: Any
+
+
+def _known_type(argument: Any) -> Any:
+    return _KnownType(argument) if isinstance(argument, types.Array | types.Record) else argument
+
+
+class _KernelCompiler(CompilerBase):
+    """Numba's compiler, with its pass over branches that are never taken replaced."""
+
+    def define_pipelines(self) -> list[Any]:
+        steps: Any = DefaultPassBuilder.define_nopython_pipeline(self.state)  # type: ignore[no-untyped-call]
+        steps.passes = [
+            (_PruneBranches if step is DeadBranchPrune else step, text)
+            for step, text in steps.passes
+        ]
+        steps.finalize()
+        return [steps]
+
+
+COMMON: Final = {"error_model": "numpy", "pipeline_class": _KernelCompiler}  # options of `njit`
 
 
 @typeof_impl.register(_Subroutine)

@@ -16,7 +16,7 @@ import pytest
 
 import star_core as star
 from star_core.mission_file import file_kinds
-from star_core.plugin_support import timing
+from star_core.plugin_support import watchdog
 from star_core.plugin_support.discovery import Source
 from star_core.plugin_support.guard import Strikes
 from star_core.runner import outcome_of
@@ -178,7 +178,7 @@ def test_time_that_a_plugin_takes_is_its_own_in_the_summary(
 ) -> None:
     clock = [0.0]
     for name in ("perf_counter", "thread_time"):
-        monkeypatch.setattr(f"star_core.plugin_support.timing.{name}", lambda: clock[0])
+        monkeypatch.setattr(f"star_core.plugin_support.compute_time.{name}", lambda: clock[0])
 
     def slow(right: Right, *inputs: Any) -> Any:
         clock[0] += 0.05
@@ -251,9 +251,9 @@ def test_threads_that_a_plugin_leaves_behind_do_not_keep_the_command_from_its_en
 def test_native_code_that_computes_for_ever_ends_the_process_with_its_line() -> None:
     done = in_python(
         "import os, collections, itertools",
-        "from star_core.plugin_support import timing",
-        "timing.MAX_NATIVE_TIME = 0.1 / os.cpu_count()",
-        "with timing.Watchdog(0.1, realtime=False, brake=lambda: None) as watched:",
+        "from star_core.plugin_support import watchdog",
+        "watchdog.MAX_NATIVE_TIME = 0.1 / os.cpu_count()",
+        "with watchdog.Watchdog(0.1, realtime=False, brake=lambda: None) as watched:",
         "    watched.begin(first=False, transport=False)",
         "    collections.deque(itertools.repeat(None), maxlen=0)",
     )
@@ -279,19 +279,19 @@ def waits(*_: Any) -> None:
 def test_a_plugin_that_hangs_is_interrupted_and_all_agents_land(
     lab: Lab, role: str, hangs: Right, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(timing, "MAX_CALL_TIME", 0.5)
+    monkeypatch.setattr(watchdog, "MAX_CALL_TIME", 0.5)
     lab.spoil(role, METHODS[role], hangs, IN_FLIGHT[role])
     summary = lab.fly(STEPS)
     assert outcome_of(summary) == 1
     assert summary["reason"].startswith(f"{NAMED[role]}: PluginTimeout: no result after ")
-    assert "timing.py" not in summary["reason"]
+    assert "watchdog.py" not in summary["reason"]
     assert down(lab)
 
 
 def test_in_real_time_the_agents_hover_while_a_plugin_hangs(
     lab: Lab, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(timing, "MAX_REALTIME_CALL_TIME", 0.5)
+    monkeypatch.setattr(watchdog, "MAX_REALTIME_CALL_TIME", 0.5)
     lab.realtime = True
     lab.registry = star.Registry(file_kinds, lab, installed=False)
     lab.spoil("planner", "plan", waits, IN_FLIGHT["planner"])
@@ -310,7 +310,7 @@ def test_a_hanging_observer_is_dropped(lab: Lab, monkeypatch: pytest.MonkeyPatch
             if tick.time > 1.0:
                 waits()
 
-    monkeypatch.setattr(timing, "MAX_CALL_TIME", 0.5)
+    monkeypatch.setattr(watchdog, "MAX_CALL_TIME", 0.5)
     lab.registry.add(Hangs(), Source("their-dist:hangs", "1.2"))
     assert lab.fly(STEPS)["outcome"] == "completed"
     (dropped,) = lab.said("observer")

@@ -6,9 +6,9 @@ import signal
 
 import pytest
 
-from star_core.plugin_support import timing
+from star_core.plugin_support import watchdog
 from star_core.plugin_support.guard import PluginTimeout
-from star_core.plugin_support.timing import Watchdog
+from star_core.plugin_support.watchdog import Watchdog
 
 PERIOD = 0.05  # s
 
@@ -24,7 +24,7 @@ class Watched:
     def __init__(self, monkeypatch: pytest.MonkeyPatch, *, realtime: bool) -> None:
         self.now = 100.0  # s
         self.brakes = 0
-        monkeypatch.setattr(timing, "monotonic", lambda: self.now)
+        monkeypatch.setattr(watchdog, "monotonic", lambda: self.now)
         monkeypatch.setattr(signal, "setitimer", lambda *_timer: None)
         self.dog = Watchdog(PERIOD, realtime=realtime, brake=self._brake)
         self.dog.armed = True

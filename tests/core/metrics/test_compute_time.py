@@ -10,8 +10,8 @@ import pytest
 
 from star_core import Tick, hookimpl
 from star_core.mission_file import file_kinds
+from star_core.plugin_support.compute_time import ComputeTime
 from star_core.plugin_support.discovery import Source
-from star_core.plugin_support.timing import ComputeTime
 from star_core.registry import Registry
 from star_core.toolkit import compiled
 from star_core.toolkit.compile_time import compiling
@@ -49,7 +49,7 @@ class Clock:
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
     clock = Clock()
-    monkeypatch.setattr("star_core.plugin_support.timing.perf_counter", clock)
+    monkeypatch.setattr("star_core.plugin_support.compute_time.perf_counter", clock)
     return clock
 
 
@@ -95,7 +95,7 @@ def test_a_plugin_that_takes_no_longer_than_the_limit_is_not_reported(
 def test_the_first_call_of_a_plugin_may_take_long(
     lab: Lab, clock: Clock, caplog: pytest.LogCaptureFixture
 ) -> None:
-    caplog.set_level(logging.DEBUG, "star_core.plugin_support.timing")
+    caplog.set_level(logging.DEBUG, "star_core.plugin_support.compute_time")
     for role, method in METHODS.items():
         lab.spoil(role, method, clock.wasting(9.0), range(1))
     summary = lab.fly()
@@ -109,7 +109,7 @@ def test_compilation_does_not_count(
     class Compiling:
         elapsed = property(lambda _self: 0.99 * clock.time)
 
-    monkeypatch.setattr("star_core.plugin_support.timing.compiling", Compiling())
+    monkeypatch.setattr("star_core.plugin_support.compute_time.compiling", Compiling())
     lab.spoil("planner", "plan", clock.wasting(100.0), range(5, 6))
     summary = lab.fly()
     assert (lab.said("slow"), summary["slow_ticks"]) == ([], {})

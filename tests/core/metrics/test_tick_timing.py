@@ -20,7 +20,7 @@ from star_core import (
     hookimpl,
     load,
 )
-from star_core.plugin_support.timing import REPORT_INTERVAL, TickTiming
+from star_core.plugin_support.tick_timing import REPORT_INTERVAL, TickTiming
 from star_sim import ideal_world
 from star_sim.airframe import STEP
 from star_sim.transport import Simulator
@@ -99,7 +99,7 @@ def test_a_plugin_that_computes_for_long_is_no_stall(monkeypatch: pytest.MonkeyP
     took["planner"] += 0.5
     assert "the planner took 0.500 s" in noted.note(1.05, 1.55, dict(took))
     assert noted.stall == 0.0
-    monkeypatch.setattr("star_core.plugin_support.timing.thread_time", lambda: 1e6)
+    monkeypatch.setattr("star_core.plugin_support.tick_timing.thread_time", lambda: 1e6)
     assert "spent outside" in noted.note(12.0, 12.6, dict(took))  # the core itself computes
     assert noted.stall == 0.0
 
@@ -197,7 +197,7 @@ def test_a_plugin_that_is_too_slow_is_reported_in_the_record(
     hop: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     slow = Slow()
-    monkeypatch.setattr("star_core.plugin_support.timing.perf_counter", lambda: slow.clock)
+    monkeypatch.setattr("star_core.plugin_support.compute_time.perf_counter", lambda: slow.clock)
     registry = Registry(slow)
     summary = fly(load(hop / "hop.yaml", registry, ["transport=wall", "avoider=slow"]), registry)
     assert summary["late_ticks"] == 1

@@ -18,7 +18,7 @@ BOTH = (Obstacle("corner", (CORNER,), (0.0, 2.0)), Obstacle("pillar", (PILLAR,),
 
 @given(st.floats(-2.9, 3.9), st.floats(-2.9, 2.9))
 def test_distances_are_those_of_shapely_and_negative_inside(x: float, y: float) -> None:
-    distance, piece, *away = nearest_wall(np.array([[x, y, 1.0]]), 0, walls(BOTH))
+    distance, piece, away_x, away_y = nearest_wall(np.array([[x, y, 1.0]]), 0, walls(BOTH))
     shapes, point = [shapely.Polygon(CORNER), shapely.Polygon(PILLAR)], shapely.Point(x, y)
     signed = [
         -shape.exterior.distance(point) if shape.contains(point) else shape.distance(point)
@@ -27,7 +27,7 @@ def test_distances_are_those_of_shapely_and_negative_inside(x: float, y: float) 
     if min(signed) < 2.0:
         assert distance == pytest.approx(min(signed), abs=1e-9)
         assert signed[piece] == pytest.approx(min(signed), abs=1e-9)
-        assert np.hypot(*away) == pytest.approx(1.0)
+        assert np.hypot(away_x, away_y) == pytest.approx(1.0)
 
 
 def test_directions_lead_away_from_the_nearest_obstacle() -> None:

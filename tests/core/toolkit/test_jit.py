@@ -11,6 +11,7 @@ import sys
 from pathlib import Path
 from typing import Any, TypeAlias
 
+import numba
 import numpy as np
 import pytest
 
@@ -210,3 +211,7 @@ def test_python_calls_a_subroutine_without_compiling_it() -> None:
 
 def _half(x: float) -> float:
     return x / 2
+
+
+def test_types_of_numba_are_not_changed_for_other_code() -> None:
+    assert not hasattr(numba.types.Array, "literal_type")
