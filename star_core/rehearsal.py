@@ -52,7 +52,7 @@ class RehearsedStep:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rehearsal:
-    """A rehearsal of a mission by agents that follow their goals exactly, without disturbances.
+    """A rehearsal of a mission by agents that nothing disturbs but each other.
 
     Attributes:
         steps: In the order in which they begin. Those for which no agent is left are missing.

@@ -146,6 +146,8 @@ class TransportSpec(MissionSpec):
         exact_odometry: ``exact_odometry(**options)`` returns whether odometry has no error, as in a
             simulation without noise; None if it never is exact. Localizers read it in
             `Scene.exact_odometry`.
+        exact_control: ``exact_control(**options)`` returns whether drones fly setpoints exactly, as
+            in a simulation without their dynamics; None if they never do. Rehearsals read it.
         measures_positions: ``measures_positions(**options)`` returns whether a positioning system
             measures positions, for `Telemetry.fixes`; None if none does. Localizers read it in
             `Scene.measures_positions`.
@@ -158,6 +160,7 @@ class TransportSpec(MissionSpec):
     realtime: bool = True
     heights_above_surface: Callable[..., bool] | None = None
     exact_odometry: Callable[..., bool] | None = None
+    exact_control: Callable[..., bool] | None = None
     measures_positions: Callable[..., bool] | None = None
     measurement_errors: Callable[..., tuple[float, float] | None] | None = None
 

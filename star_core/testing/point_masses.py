@@ -115,8 +115,10 @@ class PointMasses:
 
     def _end_commands(self, rows: Mask) -> None:
         """End the commands of some rows, (N,)."""
-        for row in np.flatnonzero(rows).tolist():
-            self._trajectories.pop(row, None)
+        if not rows.any():
+            return
+        for row in [row for row in self._trajectories if rows[row]]:
+            del self._trajectories[row]
         self._commanded[rows] = False
         self._until[rows] = self._over[rows] = np.inf
 
@@ -142,8 +144,7 @@ class PointMasses:
         if order is Order.ARM:
             return
         stops = order is Order.STOP
-        own = np.isin(np.arange(len(self.phase)), rows)
-        self._end_commands(own)
+        self._end_commands(self._among(rows.tolist()))
         self._finished[rows] = False
         self._commanded[rows] = not stops
         self.velocity[rows] = self._setpoint[rows] = 0.0
@@ -213,8 +214,15 @@ class PointMasses:
 
     def release(self, rows: Collection[int]) -> None:
         """Let setpoints fly some rows, whatever they fly on board; climbs and descents go on."""
-        flies = self._commanded & (self.phase == AgentPhase.FLYING)
-        self._end_commands(flies & np.isin(np.arange(len(flies)), [*rows]))
+        if rows and self._commanded.any():
+            flies = self._commanded & (self.phase == AgentPhase.FLYING)
+            self._end_commands(flies & self._among(rows))
+
+    def _among(self, rows: Collection[int]) -> Mask:
+        """Return which agents are of some rows, (N,)."""
+        among = np.zeros(len(self.phase), np.bool_)
+        among[[*rows]] = True
+        return among
 
 
 class _OnBoard(NamedTuple):

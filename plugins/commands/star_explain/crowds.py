@@ -12,7 +12,8 @@ from star_core.toolkit import Rehearsal, actions
 from star_explain.origins import Origins
 from star_explain.separation import kept_distance
 
-ARRIVED: Final = 0.1  # m, from its goal, at which an agent has arrived
+ARRIVED: Final = 0.1  # m, by which an agent that has arrived may be nearer to others than its goal
+AT_GOAL: Final = 0.25  # m from its goal; an agent farther away had not arrived when its step ended
 NO_DISTANCE: Final = 1e-6  # m, rounding error of a position
 
 
@@ -45,8 +46,9 @@ def crowd_problems(mission: Mission, rehearsal: Rehearsal, origins: Origins) -> 
         last = max(rounds, key=lambda step: step.ended)
         end, goal = rehearsal.index(last.ended), rehearsal.last_goals(last)
         flying = rehearsal.phase[end] == AgentPhase.FLYING
-        hovers = flying & np.isfinite(goal[:, 0])
-        position = np.where(hovers[:, None], goal, rehearsal.position[end])
+        position = rehearsal.position[end]
+        left = np.linalg.norm(goal - position, axis=1)  # m to go; NaN without a goal
+        position = np.where((flying & (left < AT_GOAL))[:, None], goal, position)
         rows = [row for row in range(len(flying)) if flying[row] or row not in away]
         rows = [row for row in rows if row not in uncertain]
         offset = position[rows][:, None] - position[rows]  # (K, K, 3)

@@ -174,6 +174,11 @@ def exact_odometry(*, noise: bool, **_others: Any) -> bool:
     return not noise
 
 
+def exact_control(*, controller: str, **_others: Any) -> bool:
+    """Return whether drones fly setpoints exactly."""
+    return controller == "ideal"
+
+
 def measures_positions(*, positioning: Mapping[str, Any] | None = None, **_others: Any) -> bool:
     """Return whether there is a positioning system."""
     return positioning is not None
@@ -200,6 +205,7 @@ def star_transports() -> Iterable[TransportSpec]:
         realtime=False,
         heights_above_surface=heights_above_surface,
         exact_odometry=exact_odometry,
+        exact_control=exact_control,
         measures_positions=measures_positions,
         measurement_errors=measurement_errors,
     )
