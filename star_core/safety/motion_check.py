@@ -9,12 +9,10 @@ import numpy as np
 
 from star_core.messages.arrays import Array, Mask, frozen, some
 from star_core.messages.telemetry import Telemetry
+from star_core.safety.drag_check import DRAG
 from star_core.toolkit.jit import compiled
 
 GRAVITY: Final = 9.81  # m/s²
-
-DRAG: Final = 0.42
-"""Deceleration by the air per speed, 1/s: 0.0135 N s/m of a Crazyflie of 32 g."""
 
 BIAS_TIME: Final = 5.0  # s, in which a constant error of the tilt is learnt
 LEARNING_TIME: Final = 1.0  # s in the air before the first verdict
