@@ -10,6 +10,7 @@ from typing import Final
 import numpy as np
 
 from star_core.execution.instructions import GoalDraft
+from star_core.geometry.free_position import AGENT_CLEARANCE, MAX_DRIFT, free_position
 from star_core.messages.arrays import Array, Mask, Rows, some
 from star_core.messages.commands import Command, Order
 from star_core.messages.position_margin import MAX_MARGIN_RATIO, position_margin
@@ -22,13 +23,6 @@ from star_core.toolkit.landing_time import min_landing_time
 from star_core.toolkit.timeouts import timeout
 from star_core.vehicle_interface import VehicleInterface
 
-AGENT_CLEARANCE: Final = 0.25  # m in the plane between two landing positions; 0.12 m is a collision
-MAX_DRIFT: Final = 0.25  # m, the most that is added for an uncertain position, or an unknown one
-OBSTACLE_CLEARANCE: Final = 0.1  # m in the plane to obstacles below
-DESCENT_DRIFT: Final = 0.1  # m, at most, by which an uncertain agent drifts on its way down
-EXTRA_CLEARANCE: Final = 0.1  # m, added where an agent moves aside
-SEARCH_STEP: Final = 0.05  # m between the candidates for a landing position
-SEARCH_RADIUS: Final = 3.0  # m
 TRAVEL_POINTS: Final = 11  # possible positions of an agent that is not heard, 0.1 m apart or less
 MAX_REST_SPEED: Final = 0.1  # m/s; of an agent that can land
 ARRIVAL_TOLERANCE: Final = 0.1  # m, its greatest distance from the position to land at
@@ -257,34 +251,33 @@ class LandingManager:
         here = estimate.position[row]
         low, high = self._scene.limits.height
         landing.height = min(max(float(here[2]), low), high)
-        landing.position = self._nearest_free(row, here[:2], estimate, landing.height)
+        landing.position = self._nearest_free(row, estimate, landing.height)
         way = math.dist(landing.position, here[:2])
         if way > 0:
             duration = timeout(way / self._scene.limits.speed, SETTLING_TIME)
             landing.until = self._vehicles.time + duration
 
-    def _nearest_free(self, row: int, here: Array, estimate: Estimate, height: float) -> Array:
+    def _nearest_free(self, row: int, estimate: Estimate, height: float) -> Array:
         """Return the nearest free position that an agent can fly to at a height: (2,) m."""
+        start, world = estimate.position[row], self._scene.world
         taken, apart = self._taken(row, estimate)
-        top = float(estimate.position[row, 2])
         name = self._scene.agents[row].name
         drift = float(self._drift(estimate)[row])
+
+        def accepts(candidates: Array) -> Mask:
+            level = np.full(len(candidates), height)
+            return ~self._refuses(np.column_stack([candidates, level]))
+
         for margin in (drift, 0.0) if drift else (0.0,):  # rather nearer to a wall than nowhere
-            if self._free(here[None], taken, apart, top, margin, 0.0)[0]:
-                return here
-            for radius in np.arange(SEARCH_STEP, SEARCH_RADIUS, SEARCH_STEP):
-                count = math.ceil(math.tau * radius / SEARCH_STEP)
-                angle = np.linspace(0.0, math.tau, count, endpoint=False)
-                candidates = here + radius * np.column_stack([np.cos(angle), np.sin(angle)])
-                free = self._free(candidates, taken, apart, top, margin, EXTRA_CLEARANCE)
-                level = np.full(np.count_nonzero(free), height)
-                free[free] = ~self._refuses(np.column_stack([candidates[free], level]))
-                if free.any():
-                    text = f"{name} lands {radius:.2f} m aside: its position is not free"
-                    self._observers.event("landing", text, name)
-                    nearest: Array = candidates[np.argmax(free)]
-                    return nearest
+            nearest = free_position(start, world, taken, apart, margin, accepts)
+            if nearest is None:
+                continue
+            if away := math.dist(nearest, start[:2]):
+                text = f"{name} lands {away:.2f} m aside: its position is not free"
+                self._observers.event("landing", text, name)
+            return nearest
         self._observers.event("landing", f"{name} finds no free position to land at", name)
+        here: Array = start[:2]
         return here
 
     def _taken(self, row: int, estimate: Estimate) -> tuple[Array, Array]:
@@ -321,37 +314,3 @@ class LandingManager:
         """Return the margins for uncertain positions, at most `MAX_DRIFT`: (N,) m."""
         deviations = self._scene.limits.uncertainty_margin
         return position_margin(estimate.covariance, deviations, MAX_DRIFT / MAX_MARGIN_RATIO)
-
-    def _free(
-        self,
-        candidates: Array,
-        taken: Array,
-        apart: Array,
-        top: float,
-        margin: float,
-        extra: float,
-    ) -> Mask:
-        """Return whether positions are clear of what is below an agent.
-
-        Args:
-            candidates: (K, 2) m.
-            taken: (L, 2) positions that others take, m.
-            apart: (L,) distances to keep from these, m.
-            top: Height of the agent, m.
-            margin: For its uncertain position, to obstacles and fence, m.
-            extra: Clearance to add for an agent that moves aside, m.
-        """
-        away = np.linalg.norm(candidates[:, None] - taken[None], axis=2)
-        free: Mask = (away >= apart + extra).all(axis=1)
-        fence = self._scene.world.fence
-        kept = margin + extra
-        low, high = np.array(fence.low[:2]) + kept, np.array(fence.high[:2]) - kept
-        if kept:
-            free &= ((candidates >= low) & (candidates <= high)).all(axis=1)
-        for obstacle in self._scene.world.obstacles:
-            foot, crest = obstacle.height
-            if foot < top:
-                level = np.full((len(candidates), 1), min(top, crest))
-                away = obstacle.distances(np.hstack([candidates, level]))
-                free &= away >= OBSTACLE_CLEARANCE + margin + min(margin, DESCENT_DRIFT) + 2 * extra
-        return free

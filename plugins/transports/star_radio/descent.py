@@ -1,20 +1,25 @@
-"""Lands a swarm without its mission: each agent in place, one above another after it and aside."""
+"""Lands a swarm without its mission: each agent in place, or aside if that is not free."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 from typing import Final
 
 import numpy as np
 
 from star_core import Array, Mask, Scene, Setpoint, Telemetry, Transform
+from star_core.toolkit import (
+    AGENT_CLEARANCE,
+    MAX_DRIFT,
+    OBSTACLE_CLEARANCE,
+    free_position,
+    is_free,
+)
 from star_radio.transport import Radio
 
-CLEARANCE: Final = 0.25  # m in the plane, between two landings
-EXTRA_CLEARANCE: Final = 0.1  # m, added where an agent moves aside
-SEARCH_STEP: Final = 0.05  # m, between the positions that are tried
-SEARCH_RADIUS: Final = 3.0  # m
+WAY_STEP: Final = 0.1  # m, between the positions of a way aside that are tested
 SPEED: Final = 0.3  # m/s, to move aside
 MAX_REST_SPEED: Final = 0.1  # m/s; of an agent that can land
 ARRIVAL_TOLERANCE: Final = 0.1  # m, its greatest distance from the position to land at
@@ -28,10 +33,10 @@ MIN_TIME: Final = 2.0  # s: a take-off that was commanded last may begin so late
 class Descent:
     """Landings of all agents, by their reports only.
 
-    Agents brake first. Those with no agent below land. The others hover until these are down, then
-    fly aside to the nearest free position, one after the other, and land. It is over when no agent
-    may be in the air: one whose link is lost in a take-off is waited for, and landed when its link
-    returns.
+    Agents brake first. Those with no agent and no obstacle below land. The others hover until these
+    are down, then fly aside to the nearest free position with a straight way to it, one after the
+    other, and land. It is over when no agent may be in the air: one whose link is lost in a
+    take-off is waited for, and landed when its link returns.
 
     Args:
         radio: The links to the agents.
@@ -54,7 +59,7 @@ class Descent:
         self._radio, self._scene, self._report = radio, scene, report
         self._vehicles = radio.vehicles
         self._began = now
-        self._waiting: set[int] = set()  # rows that are above another
+        self._waiting: set[int] = set()  # rows whose positions are not free
         self._aside: dict[int, Array] = {}  # (2,) positions to land at, m, by row
         self.over = False
         self.begins = True
@@ -77,7 +82,8 @@ class Descent:
         ready &= ~heard | np.array([vehicle.airborne for vehicle in self._vehicles])
         pending = up & ready
         position = to_map.apply(telemetry.position)
-        at_once = ~heard | ~np.isfinite(position).all(axis=1)
+        known = np.isfinite(position).all(axis=1)
+        at_once = ~heard | ~known
         at_once |= (telemetry.position[:, 2] < LOW) | (passed > MAX_WAIT)
         settled = np.linalg.norm(telemetry.velocity, axis=1) <= MAX_REST_SPEED
         settled |= passed > SETTLING_TIME
@@ -90,8 +96,8 @@ class Descent:
                 velocity[row, :2] = way * min(1.0, SPEED / max(length, ARRIVAL_TOLERANCE))
                 free = length <= ARRIVAL_TOLERANCE
             else:
-                below = ~pending | (height < height[row])
-                free = _clear(position[row, :2], position[below, :2])
+                below = known & (~pending | (height < height[row]))
+                free = self._is_free(position[row], position[below, :2])
             if at_once[row] or (free and settled[row]):
                 self._radio.landings.land(row, float(telemetry.position[row, 2]))
                 pending[row] = False
@@ -102,30 +108,49 @@ class Descent:
         return Setpoint(to_map.turn_back(velocity), yaw, pending)
 
     def _wait(self, row: int, position: Array, *, busy: bool) -> None:
-        """Let an agent that is above another wait, or choose where it lands."""
+        """Let an agent wait whose position is not free, or choose where it lands."""
         name = self._scene.agents[row].name
         if row not in self._waiting:
             self._waiting.add(row)
-            self._report(f"{name} waits: it is above another agent")
+            self._report(f"{name} waits: an agent or an obstacle is below")
         if not busy:
             self._aside[row] = self._nearest_free(row, position)
             away = math.dist(self._aside[row], position[row, :2])
             self._report(f"{name} lands {away:.2f} m aside")
 
+    def _is_free(self, position: Array, taken: Array) -> bool:
+        """Return whether an agent can land at its position, (3,) m, with others at (K, 2) m."""
+        top = float(position[2])
+        free = is_free(position[None, :2], self._scene.world, taken, AGENT_CLEARANCE, top)
+        return bool(free[0])
+
     def _nearest_free(self, row: int, position: Array) -> Array:
         """Return the nearest free position, (2,) m; the agent's own if none is near."""
-        here, world = position[row], self._scene.world
-        low, high = self._scene.limits.height
-        heights = float(np.clip(here[2], low, high)), low
-        others = np.delete(position, row, axis=0)[:, :2]
-        for radius in np.arange(SEARCH_STEP, SEARCH_RADIUS, SEARCH_STEP):
-            for angle in np.arange(0.0, math.tau, SEARCH_STEP / radius):
-                x, y = here[0] + radius * math.cos(angle), here[1] + radius * math.sin(angle)
-                if _clear(np.array([x, y]), others, EXTRA_CLEARANCE) and not any(
-                    world.fault((x, y, z)) for z in heights
-                ):
-                    return np.array([x, y])
-        return position[row, :2].copy()
+        start, others = position[row], np.delete(position, row, axis=0)
+        taken = others[np.isfinite(others).all(axis=1), :2]
+        for margin in (MAX_DRIFT, 0.0):  # how certain positions are is not known
+            apart = AGENT_CLEARANCE + margin
+            reaches = partial(self._reaches, start)
+            nearest = free_position(start, self._scene.world, taken, apart, margin, reaches)
+            if nearest is not None:
+                return nearest
+        own: Array = start[:2].copy()
+        return own
+
+    def _reaches(self, start: Array, ends: Array) -> Mask:
+        """Return to which (K, 2) m an agent at (3,) m flies straight, and past no obstacle: (K,).
+
+        It keeps `OBSTACLE_CLEARANCE`, or what it has at the start.
+        """
+        length = float(np.linalg.norm(ends - start[:2], axis=1).max(initial=0.0))
+        share = np.linspace(0.0, 1.0, math.ceil(length / WAY_STEP) + 1)
+        way = start[:2] + share[:, None, None] * (ends - start[:2])  # (S, K, 2)
+        points = np.concatenate([way, np.full((*way.shape[:2], 1), start[2])], axis=2)
+        free = np.ones(len(ends), np.bool_)
+        for obstacle in self._scene.world.obstacles:
+            away = obstacle.distances(points.reshape(-1, 3)).reshape(points.shape[:2])
+            free &= (away >= np.minimum(OBSTACLE_CLEARANCE, away[0])).all(axis=0)
+        return free
 
     def _end(self, passed: float, up: Mask) -> None:
         """Determine whether the landings are over."""
@@ -137,8 +162,3 @@ class Descent:
             self._report(
                 f"all agents {'are down' if fallen else 'have landed'}, after {passed:.1f} s"
             )
-
-
-def _clear(position: Array, others: Array, extra: float = 0.0) -> bool:
-    """Whether a position, (2,) m, is clear of others, (K, 2); unknown ones are not considered."""
-    return not (np.linalg.norm(others - position, axis=1) < CLEARANCE + extra).any()

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from star_core import Array, Command, Order, Setpoint, Supervisor, Transform
+from star_core import Array, Command, Obstacle, Order, Setpoint, Supervisor, Transform
 from star_core.testing import scene
 from star_fleet.link_faults import LinkFaults
 from star_radio.guarded import Answer
@@ -280,8 +280,26 @@ def test_an_agent_above_another_lands_after_it_and_aside(flight: Flight, tmp_pat
     flight.die()
     assert not flight.fallen
     assert min(nearest) > 0.25
-    assert "cf2 waits: it is above another agent" in log(tmp_path)
+    assert "cf2 waits: an agent or an obstacle is below" in log(tmp_path)
     assert "cf2 lands 0." in log(tmp_path)
+
+
+def test_an_agent_above_an_obstacle_lands_beside_it(flight: Flight, tmp_path: Path) -> None:
+    """Not across a wall, though the nearest free position is there."""
+    x, y = flight.starts[0, :2]
+    table = tuple((x + dx, y + dy) for dx, dy in ((-1, -0.2), (0.1, -0.2), (0.1, 0.2), (-1, 0.2)))
+    wall = tuple((x + dx, y + dy) for dx, dy in ((0.12, -1), (0.14, -1), (0.14, 0.6), (0.12, 0.6)))
+    obstacles = Obstacle("table", (table,), (0.2, 0.4)), Obstacle("wall", (wall,), (0.0, 2.0))
+    room = flight.guardian._scene
+    world = dataclasses.replace(room.world, obstacles=obstacles)
+    flight.guardian._scene = dataclasses.replace(room, world=world)
+    flight.take_off(0.8, 0.5, 0.5)
+    flight.die()
+    assert not flight.fallen
+    assert "cf1 waits: an agent or an obstacle is below" in log(tmp_path)
+    landed = flight.air.drones["position"][0, :2] - (x, y)
+    assert landed[0] < 0.12
+    assert abs(landed[1]) > 0.2 + 0.1
 
 
 def test_an_error_is_the_answer_and_the_guardian_goes_on(flight: Flight) -> None:
