@@ -19,7 +19,7 @@ from types import FrameType
 from typing import Any, Final
 
 from star_core import Registry, fly, load
-from star_core.commands import check_file
+from star_core.formats import check_file
 from star_core.tick import ControlLoop, MissionStatus
 
 ROOT: Final = Path(__file__).parents[1]
@@ -54,7 +54,7 @@ def calls_of_check(mission: str) -> Calls:
     calls: Calls = defaultdict(Counter)
     registry = Registry()
     with noted(calls, inside_plugins=False):
-        check_file(Path(mission), (), registry)
+        check_file(Path(mission), registry)
     return calls
 
 

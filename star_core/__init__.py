@@ -1,7 +1,8 @@
 """What authors of plugins and of scripts need first.
 
-`star_core.toolkit` has what plugins share, `star_core.commands` what commands share, and
-`star_core.testing` checks plugins. The names of each package are those of its `__init__.pyi`.
+`star_core.toolkit` has what plugins share, `star_core.commands` what commands share,
+`star_core.formats` what formats of missions share, and `star_core.testing` checks plugins.
+The names of each package are those of its `__init__.pyi`.
 """
 
 from star_core.lazy_names import lazy_names

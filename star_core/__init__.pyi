@@ -11,6 +11,7 @@ from star_core.errors import ContractError as ContractError
 from star_core.errors import InputError as InputError
 from star_core.errors import PluginError as PluginError
 from star_core.errors import StarError as StarError
+from star_core.formats.loading import load as load
 from star_core.hookspecs import hookimpl as hookimpl
 from star_core.messages.arrays import Array as Array
 from star_core.messages.arrays import Mask as Mask
@@ -45,7 +46,6 @@ from star_core.messages.telemetry import Telemetry as Telemetry
 from star_core.metrics.records import Run as Run
 from star_core.metrics.records import read_run as read_run
 from star_core.mission import Mission as Mission
-from star_core.mission_file.mission_loader import load as load
 from star_core.operator import Operator as Operator
 from star_core.plugin_support.specs import AvoiderSpec as AvoiderSpec
 from star_core.plugin_support.specs import LocalizerSpec as LocalizerSpec

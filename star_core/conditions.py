@@ -53,7 +53,7 @@ class Condition:
         With 0 it is the time before which the condition cannot hold; with infinity the time from
         which it holds whatever happens.
 
-        >>> some = AllOf((AnyOf((Found(1), Elapsed(30))), Elapsed(5)))
+        >>> some = AllOf((AnyOf((TargetFound(1), Elapsed(30))), Elapsed(5)))
         >>> some.holds_from(0.0), some.holds_from(float("inf"))
         (5.0, 30.0)
         """
@@ -86,7 +86,7 @@ class Elapsed(Condition):
 
 
 @dataclass(frozen=True, slots=True)
-class Found(Condition):
+class TargetFound(Condition):
     """A number of targets, or the target of a name, is found."""
 
     target: int | str

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
         AvoiderSpec,
         CommandSpec,
         FileKindSpec,
+        FormatSpec,
         KindSpec,
         LocalizerSpec,
         PlannerSpec,
@@ -95,12 +96,33 @@ def star_run_options(registry: Registry) -> Iterable[RunOptionSpec]:  # type: ig
 
 
 @hookspec
+def star_formats(registry: Registry) -> Iterable[FormatSpec]:  # type: ignore[empty-body]
+    """Offer formats of missions: from a file to a checked `Mission`.
+
+    Example:
+        >>> from star_core import hookimpl
+        >>> from star_core.formats import FormatSpec
+        >>> def load(path, registry, assignments):
+        ...     raise NotImplementedError  # return a Mission
+        >>> @hookimpl
+        ... def star_formats():
+        ...     yield FormatSpec(
+        ...         name="toml",
+        ...         summary="Missions in TOML.",
+        ...         recognizes=lambda path: path.suffix == ".toml",
+        ...         load=load,
+        ...         check=lambda *file: (f"{load(*file).name!r} can be flown", ()),
+        ...     )
+    """
+
+
+@hookspec
 def star_file_kinds(registry: Registry) -> Iterable[FileKindSpec]:  # type: ignore[empty-body]
     """Offer kinds of files, for ``star check`` and ``star schema``.
 
     Example:
         >>> from star_core import hookimpl
-        >>> from star_core.commands import FileKindSpec
+        >>> from star_core.formats import FileKindSpec
         >>> @hookimpl
         ... def star_file_kinds():
         ...     yield FileKindSpec(

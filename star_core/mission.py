@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Literal, TypeAlias
 
 from star_core.conditions import Condition
-from star_core.mission_file.located import Document
 from star_core.plugin_support.discovery import Source
+from star_core.plugin_support.specs import SourceFile
 from star_core.scene import Scene
 
 OnFailure: TypeAlias = Literal["abort", "land", "continue"]
@@ -142,8 +142,9 @@ class Mission:
         reserve: Agents that replace others, and when; empty if there are none.
         plugin_strikes: Number of failures of a plugin in flight at which all agents land.
         collisions: ``fail`` if a collision fails the mission, ``record`` if it is only recorded.
-        document: The mission as read, with what was set on the command line.
-        world: The world as read.
+        source: Content of the file, with what it includes and what was set on the command line.
+        file: Its file, in which problems are located.
+        world_file: That of its world.
         warnings: What is probably a mistake, one line each, with its location.
     """
 
@@ -155,16 +156,15 @@ class Mission:
     reserve: Mapping[str, Any]
     plugin_strikes: int
     collisions: str
-    document: Document
-    world: Document
+    source: Mapping[str, Any]
+    file: SourceFile
+    world_file: SourceFile
     warnings: tuple[str, ...] = ()
 
     def with_seed(self, seed: int) -> Mission:
         """Return the same mission with another seed."""
-        root = self.document.root
-        number = replace(root, data=seed)
-        document = replace(self.document, root=replace(root, data={**root.map(), "seed": number}))
-        return replace(self, scene=replace(self.scene, seed=seed), document=document)
+        scene, source = replace(self.scene, seed=seed), {**self.source, "seed": seed}
+        return replace(self, scene=scene, source=source)
 
     @property
     def reserve_rows(self) -> tuple[int, ...]:

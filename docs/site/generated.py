@@ -14,7 +14,7 @@ from typing import Any, Final
 from star_basics.describe_plugin import MAX_DEPTH, allowed, resolved
 from star_core import Registry
 from star_core.commands.command_line import parser_of
-from star_core.mission_file.error_messages import flow
+from star_core.toolkit import flow
 
 ROOT: Final = Path(__file__).parents[2]
 BAR: Final = "\\|"  # in a table
@@ -31,7 +31,7 @@ KINDS: Final = {
 GROUPS: Final = {  # page, title, and prefixes of the modules whose public names it has
     "flights": (
         "Flights and records",
-        ("runner", "operator", "registry", "mission", "mission_file", "metrics"),
+        ("runner", "operator", "registry", "mission", "formats", "metrics"),
     ),
     "contracts": ("Contracts and specs", ("contracts", "hookspecs", "plugin_support")),
     "messages": ("Tables", ("messages",)),
@@ -42,6 +42,7 @@ GROUPS: Final = {  # page, title, and prefixes of the modules whose public names
 PACKAGES: Final = {  # pages of all public names of a package
     "toolkit": "What plugins share",
     "commands": "What commands share",
+    "formats": "What formats of missions share",
 }
 
 MODULES: Final = {  # pages of whole modules
@@ -80,8 +81,11 @@ def files_page() -> str:
     """Return the page of the keys of missions and the other files."""
     lines = ["# Keys of files", "", "A dot separates nested keys; `NAME` is a name of your choice."]
     lines += [NOTE]
+    registry = Registry()
     for kind in ("mission", "world", "camera", "study", "faults"):
-        schema = json.loads((ROOT / "schemas" / f"{kind}.schema.json").read_text("utf-8"))
+        schema = registry.find("file_kind", kind).offer.schema(registry)
+        if kind == "mission":  # without the options of plugins, which have their own pages
+            schema = json.loads((ROOT / "schemas" / "mission.schema.json").read_text("utf-8"))
         lines += ["", f"## {kind.capitalize()}", "", schema["description"], ""]
         lines += table(schema, "key")
     return "\n".join(lines) + "\n"

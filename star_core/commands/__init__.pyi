@@ -10,23 +10,12 @@ from star_core.commands.output import replace_file as replace_file
 from star_core.commands.output import write_report as write_report
 from star_core.commands.output import writing as writing
 from star_core.metrics.records import split_timing as split_timing
-from star_core.mission_file.check_file import check_file as check_file
-from star_core.mission_file.editor_schema import editor_schema as editor_schema
-from star_core.mission_file.error_messages import flow as flow
-from star_core.mission_file.input_file import file_description as file_description
-from star_core.mission_file.input_file import shipped_files as shipped_files
-from star_core.mission_file.located import Value as Value
-from star_core.mission_file.schema import read_as as read_as
-from star_core.mission_file.yaml_reader import read_yaml as read_yaml
 from star_core.plugin_support.discovery import Source as Source
 from star_core.plugin_support.option_schema import PARTS as PARTS
 from star_core.plugin_support.option_schema import SHARED as SHARED
 from star_core.plugin_support.specs import CommandSpec as CommandSpec
-from star_core.plugin_support.specs import FileKindSpec as FileKindSpec
 from star_core.plugin_support.specs import RunOptionSpec as RunOptionSpec
-from star_core.plugin_support.specs import SourceFile as SourceFile
 from star_core.registry import Found as Found
 from star_core.registry import guarded as guarded
-from star_core.scene import inside as inside
 
 __all__: list[str]  # noqa: PYI035 -- of all names above

@@ -18,10 +18,10 @@ def manifest(mission: Mission, registry: Registry) -> dict[str, Any]:
     """Return the mission, its world and files as flown, plugins, seed, and the software beneath."""
     sources = map(registry.source, sorted(registry.manager.plugins))
     return {
-        "mission_file": str(mission.document.path),
-        "mission": mission.document.data,
-        "world_file": str(mission.world.path),
-        "world": mission.world.data,
+        "mission_file": str(mission.file.path),
+        "mission": mission.source,
+        "world_file": str(mission.world_file.path),
+        "world": mission.world_file.data,
         "files": {
             name: path.read_text(encoding="utf-8", errors="replace")
             for name, path in mission.scene.files.items()

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-import json
 import zipfile
 import zlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from tokenize import TokenError
 from typing import Any, Final
 
 from star_core.errors import ContractError, InputError
+from star_core.formats import format_function
 from star_core.messages.arrays import Array
 from star_core.messages.telemetry import Detections
 from star_core.metrics import record_files
@@ -25,10 +26,7 @@ from star_core.metrics.record_files import (
     read_arrays,
     read_json,
 )
-from star_core.mission_file import world_loader
-from star_core.mission_file.located import Document
-from star_core.mission_file.mission_loader import agents
-from star_core.mission_file.yaml_reader import parse
+from star_core.registry import Registry
 from star_core.scene import Agent
 from star_core.world.world import World
 
@@ -144,6 +142,12 @@ def read_run(folder: Path | str, *, flown: bool = False) -> Run:
     return run
 
 
+@cache
+def _restore() -> Callable[[Mapping[str, Any], Path], tuple[tuple[Agent, ...], World]]:
+    """Return the function of the installed format that reads mission and world of a manifest."""
+    return format_function("restore", Registry())
+
+
 def _read(folder: Path) -> Run:
     """Return a recorded flight; raise one of `DAMAGE` if a file is not as it was written."""
     manifest = read_json(folder / "manifest.json")
@@ -159,11 +163,8 @@ def _read(folder: Path) -> Run:
     planned = read_arrays(file) if (file := folder / "paths.npz").exists() else None
     paths = PlannedPaths.none() if planned is None else PlannedPaths(**planned)
     names = tuple(str(name) for name in arrays.pop("agents"))
-    swarm = agents(manifest["mission"])
+    swarm, world = _restore()(manifest, folder / "manifest.json")
     check_arrays(arrays, names, [agent.name for agent in swarm])
     for rows in detections.agent, paths.agent:
         check_rows(rows, len(names))
-    source = folder / "manifest.json"
-    document = Document(parse(json.dumps(manifest["world"]), str(source)), source)
-    world = world_loader.world(document)
     return Run(folder, manifest, summary, arrays, detections, paths, timing, names, swarm, world)

@@ -5,7 +5,7 @@ This module imports no numpy, so that plugins can be listed and missions checked
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Protocol
 if TYPE_CHECKING:
     from argparse import ArgumentParser, Namespace
 
+    from star_core import Agent, Mission, World
     from star_core.contracts import Avoider, Localizer, Planner, Task, Transport
     from star_core.messages.arrays import Array
     from star_core.registry import Registry
@@ -289,6 +290,41 @@ class RunOptionSpec(Spec):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class FormatSpec(Spec):
+    """Announces a format of missions and of the files beside them.
+
+    Attributes:
+        load: ``load(path, registry, assignments)`` returns the `Mission` of a file, in which the
+            ``assignments``, ``path=value`` each, are set first. It raises `InputError` with every
+            reason for which the mission cannot be flown.
+        check: ``check(path, registry, assignments)`` returns in words what a file of any kind is
+            good for, and its warnings, one line each. It raises `InputError` as ``load`` does.
+        recognizes: ``recognizes(path)`` returns whether a file or folder is in this format; None
+            for a format that reads whatever no other format recognizes.
+        read: ``read(path, kind, registry)`` returns a file of a kind (`FileKindSpec`) as a
+            `SourceFile` that fits the schema of the kind.
+        values: ``values(path)`` returns the content of any file as a `star_core.formats.Value`.
+        schema: ``schema(kind, registry)`` returns the JSON Schema of a kind of file for editors.
+        missions: ``missions()`` returns by name the paths and the descriptions of the files that
+            come with the format.
+        check_choice: ``check_choice(kind, choice, registry)`` yields a `Problem` for each mistake
+            in the choice of a plugin, a name or ``{"use": name, option: value}``.
+        restore: ``restore(manifest, file)`` returns the agents and the world of a record, whose
+            manifest, read from a file, has the contents of the mission's files.
+    """
+
+    load: Callable[[Path, Registry, Sequence[str]], Mission]
+    check: Callable[[Path, Registry, Sequence[str]], tuple[str, Sequence[str]]]
+    recognizes: Callable[[Path], bool] | None = None
+    read: Callable[[Path, str, Registry], SourceFile] | None = None
+    values: Callable[[Path], Any] | None = None
+    schema: Callable[[str, Registry], dict[str, Any]] | None = None
+    missions: Callable[[], Mapping[str, tuple[Path, str]]] | None = None
+    check_choice: Callable[..., Iterable[Problem]] | None = None
+    restore: Callable[[Mapping[str, Any], Path], tuple[tuple[Agent, ...], World]] | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class FileKindSpec(Spec):
     """Announces a kind of file, which ``star check`` and ``star schema`` then accept.
 
@@ -331,5 +367,6 @@ SPECS: Mapping[str, type[Spec]] = {
     "task": TaskSpec,
     "command": CommandSpec,
     "run_option": RunOptionSpec,
+    "format": FormatSpec,
     "file_kind": FileKindSpec,
 }

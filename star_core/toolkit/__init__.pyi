@@ -11,6 +11,8 @@ from star_core.geometry.free_position import is_free as is_free
 from star_core.geometry.obstacles import box_edges as box_edges
 from star_core.geometry.obstacles import footprint as footprint
 from star_core.geometry.obstacles import obstacle_meshes as obstacle_meshes
+from star_core.inner_plugins import check_inner as check_inner
+from star_core.inner_plugins import make_inner as make_inner
 from star_core.messages.faults import Fault as Fault
 from star_core.messages.position_margin import ALONE_SHARE as ALONE_SHARE
 from star_core.messages.position_margin import MAX_MARGIN_RATIO as MAX_MARGIN_RATIO
@@ -29,8 +31,6 @@ from star_core.mission import Node as Node
 from star_core.mission import Parallel as Parallel
 from star_core.mission import Repeat as Repeat
 from star_core.mission import actions as actions
-from star_core.mission_file.inner_plugin import check_inner as check_inner
-from star_core.mission_file.inner_plugin import make_inner as make_inner
 from star_core.plugin_support.guard import PluginGuard as PluginGuard
 from star_core.plugin_support.option_schema import fill_defaults as fill_defaults
 from star_core.plugin_support.specs import Exclusive as Exclusive
@@ -46,6 +46,7 @@ from star_core.toolkit.camera_model import perspective as perspective
 from star_core.toolkit.camera_model import square_corners as square_corners
 from star_core.toolkit.camera_model import square_poses as square_poses
 from star_core.toolkit.camera_model import upright_misfit as upright_misfit
+from star_core.toolkit.flow_text import flow as flow
 from star_core.toolkit.jit import compiled as compiled
 from star_core.toolkit.jit import subroutine as subroutine
 from star_core.toolkit.landing_time import min_landing_time as min_landing_time

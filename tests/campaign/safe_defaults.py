@@ -22,7 +22,8 @@ from typing import Any, Final, TypeAlias
 from scipy.stats import beta
 
 from star_core import Registry
-from star_core.commands import check_file, run_command
+from star_core.commands import run_command
+from star_core.formats import check_file
 
 SAFE: Final = 0.2  # m
 AGENTS: Final = (5, 10)
@@ -190,7 +191,7 @@ def table(rows: list[dict[str, str]], files: Path) -> Iterator[str]:
         apart = [float(row["min_separation_m"] or "nan") for row in of]
         n, bad = len(of), sum(not one >= SAFE for one in apart)
         bound = 1.0 if bad == n else float(beta.ppf(0.95, bad + 1, n - bad))
-        _, warnings = check_file(files / f"{key[0]}.yaml", (), registry)
+        _, warnings = check_file(files / f"{key[0]}.yaml", registry)
         warned = "yes" if any(CODE in line for line in warnings) else "no"
         mean = {
             name: statistics.fmean(float(row[name] or "nan") for row in of)

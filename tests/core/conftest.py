@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 
 import star_core as star
+import star_yaml
 from star_core import (
     AgentPhase,
     AvoiderSpec,
@@ -32,12 +33,11 @@ from star_core import (
     hookimpl,
 )
 from star_core.mission import Mission
-from star_core.mission_file import file_kinds
-from star_core.mission_file.mission_loader import load
 from star_core.plugin_support.discovery import Source
 from star_core.plugin_support.specs import SPECS
 from star_core.registry import Registry
 from star_core.runner import fly
+from star_yaml.mission_loader import load
 from tests.core.robots import SOON, Robots
 
 TOUR = """
@@ -179,7 +179,7 @@ class Lab:
         self.events: list[star.Event] = []
         self.phases: list[tuple[float, str | None, str]] = []
         self.summaries: list[Mapping[str, Any]] = []
-        self.registry = Registry(file_kinds, installed=False)
+        self.registry = Registry(star_yaml, installed=False)
         self.registry.add(self, Source("their-dist:lab", "1.2"))
         self._folder = folder
         self._wrong: dict[tuple[str, str], Callable[..., Any]] = {}

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import star_core as star
-from star_core.mission_file import file_kinds
+import star_yaml
 from star_core.plugin_support import watchdog
 from star_core.plugin_support.discovery import Source
 from star_core.plugin_support.guard import Strikes
@@ -293,7 +293,7 @@ def test_in_real_time_the_agents_hover_while_a_plugin_hangs(
 ) -> None:
     monkeypatch.setattr(watchdog, "MAX_REALTIME_CALL_TIME", 0.5)
     lab.realtime = True
-    lab.registry = star.Registry(file_kinds, lab, installed=False)
+    lab.registry = star.Registry(star_yaml, lab, installed=False)
     lab.spoil("planner", "plan", waits, IN_FLIGHT["planner"])
     assert "PluginTimeout" in lab.fly(STEPS)["reason"]
     times = [at for at, _ in lab.robots.sent]

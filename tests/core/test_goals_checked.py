@@ -10,9 +10,9 @@ import pytest
 
 from star_core import PlannerSpec, Problem, Scene, StepGoal, TaskSpec, hookimpl
 from star_core.errors import InputError
-from star_core.mission_file.mission_loader import load
 from star_core.plugin_support.discovery import Source
 from star_core.registry import Registry
+from star_yaml.mission_loader import load
 
 WORLD = """\
 star: 1

@@ -13,7 +13,7 @@ import grimp
 import pytest
 
 PLUGINS = {path.parent.name for path in Path(__file__).parents[2].glob("plugins/*/*/__init__.py")}
-PUBLIC = {"star_core", "star_core.toolkit", "star_core.commands", "star_core.testing"}
+PUBLIC = {f"star_core{name}" for name in ("", ".toolkit", ".commands", ".formats", ".testing")}
 # The fleet puts these modules of the simulator behind the firmware's protocol.
 FLEET_IMPORTS = {
     "star_sim", "star_sim.airframe", "star_sim.attitude", "star_sim.cascade", "star_sim.commander",

@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 
 from star_core.errors import InputError
-from star_core.mission_file.input_file import override
-from star_core.mission_file.located import Document
-from star_core.mission_file.yaml_reader import parse
+from star_core.formats.located import Document
+from star_yaml.input_file import override
+from star_yaml.yaml_reader import parse
 
 MISSION = """\
 # a comment

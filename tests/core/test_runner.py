@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import star_yaml
 from star_core import (
     AgentPhase,
     Estimate,
@@ -28,7 +29,6 @@ from star_core.execution.landing import (
     LAND_DEPTH,
     LAND_SPEED,
 )
-from star_core.mission_file import file_kinds
 from star_core.plugin_support.discovery import Source
 from star_core.registry import Registry
 from star_core.runner import outcome_of
@@ -96,7 +96,7 @@ def test_a_mission_that_goes_well_is_completed(lab: Lab) -> None:
 @pytest.mark.parametrize("realtime", [False, True])
 def test_every_part_receives_whether_time_goes_on_by_itself(lab: Lab, *, realtime: bool) -> None:
     lab.realtime = realtime
-    lab.registry = Registry(file_kinds, installed=False)
+    lab.registry = Registry(star_yaml, installed=False)
     lab.registry.add(lab, Source("their-dist:lab"))
     assert lab.load().scene.realtime is realtime
 
@@ -123,7 +123,7 @@ def test_objects_of_before_a_flight_in_real_time_are_not_collected_in_it(
 ) -> None:
     frozen = Frozen()
     lab.realtime = realtime
-    lab.registry = Registry(file_kinds, installed=False)
+    lab.registry = Registry(star_yaml, installed=False)
     lab.registry.add(lab, Source("their-dist:lab"))
     lab.registry.add(frozen, Source("their-dist:frozen"))
     fly(lab.load(PLACES), lab.registry)

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from star_core.errors import InputError
-from star_core.mission_file import schema
 from star_core.plugin_support.option_schema import fill_defaults
 from star_core.scene import Limits, inside
+from star_yaml import schema
 
 
 def refusal(folder: Path, name: str) -> str:

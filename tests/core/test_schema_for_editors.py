@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 
 import pytest
 
-from star_core.mission_file.editor_schema import for_editors
-from star_core.mission_file.schema import compose, compose_steps, load
 from star_core.registry import Registry
+from star_yaml.editor_schema import editor_schema, for_editors
+from star_yaml.schema import compose, compose_steps
 
 UNIT = re.compile(
     r"(?<![\w'])(m|m/s|m/s²|m⁴/s|s|1/s|Hz|V|px|degrees|degrees/s|rad|kg)\b(?!['\w])", re.ASCII
@@ -82,7 +82,7 @@ STEPS = for_editors(compose_steps(Registry().offers()), parameters=True)
 SCHEMAS = {
     "mission": MISSION,
     "steps": STEPS,
-    **{name: for_editors(load(name)) for name in ("world", "camera", "study", "faults")},
+    **{name: editor_schema(name, Registry()) for name in ("world", "camera", "study", "faults")},
 }
 EVERY = [
     (f"{name}{found.path}", found)

@@ -17,11 +17,11 @@ import pytest
 
 from star_core import InputError, load
 from star_core.commands.main import main
-from star_core.mission_file import schema
-from star_core.mission_file.editor_schema import for_editors
-from star_core.mission_file.schema import compose, compose_steps
-from star_core.mission_file.yaml_reader import parse
 from star_core.registry import Registry
+from star_yaml import schema
+from star_yaml.editor_schema import for_editors
+from star_yaml.schema import compose, compose_steps
+from star_yaml.yaml_reader import parse
 
 pytestmark = pytest.mark.shipped_world
 

@@ -14,8 +14,8 @@ import pytest
 
 from star_ablate.reading import read as read_study
 from star_core.commands import main as cli
-from star_core.mission_file import schema
 from star_core.registry import Registry
+from star_yaml import schema
 from tests.corpus import cases
 from tests.corpus.cases import Case, Expected
 

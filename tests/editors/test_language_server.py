@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 
-from star_core.mission_file.schema import compose, load
 from star_core.registry import Registry
+from star_yaml.schema import compose, load
 from tests.editors.language_server import LanguageServer
 
 pytestmark = pytest.mark.campaign  # it needs npm and its registry

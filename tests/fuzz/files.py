@@ -17,12 +17,12 @@ from unittest.mock import patch
 
 from star_ablate.reading import read as read_study
 from star_core.errors import InputError, code_of
-from star_core.mission_file import schema
-from star_core.mission_file.mission_loader import load
 from star_core.registry import Registry
 from star_core.scene import Scene
 from star_faults.fault_file import read_faults
 from star_verbs.follow.files import read_trajectory, read_waypoints
+from star_yaml import schema
+from star_yaml.mission_loader import load
 from tests.commands import command
 from tests.fuzz.harness import Draw, Target, Try
 from tests.fuzz.mutants import damaged, spoiled
@@ -74,7 +74,7 @@ def missions(folder: Path) -> Iterator[Try]:
         names = sorted(path.name for path in copy.glob("*.yaml"))
         mission_of = {name: name for name in names}
         for name in names:
-            mission_of[load(copy / name, registry()).document.data["world"]] = name
+            mission_of[load(copy / name, registry()).source["world"]] = name
         originals = {name: (copy / name).read_bytes() for name in mission_of}
 
         def attempt(draw: Draw) -> str:
@@ -204,7 +204,7 @@ def legacy(folder: Path) -> Iterator[Try]:
 
 def _assert_no_command_is_dropped(source: Path, made: Path) -> None:
     """Every command names its line in the mission that came out."""
-    from star_core.commands import read_yaml
+    from star_yaml.yaml_reader import read_yaml
 
     fields = read_yaml(source, text_keys=True).need("command_sequence").list()
     lines = {field.mark.line for field in fields[::5]}

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Final
 
 from star_core import InputError, Registry, fly, load
-from star_core.commands import check_file
+from star_core.formats import check_file
 from star_core.plugin_support.discovery import Source
 from tests.fuzz.files import registry
 from tests.fuzz.ground_truth import Witness, judged
@@ -50,7 +50,7 @@ def flown(draw: Draw, folder: Path, size: str) -> str:
     drawn = random_mission(draw, **SIZES[size])
     path = drawn.write(folder)
     try:
-        _, warnings = check_file(path, (), registry())
+        _, warnings = check_file(path, registry())
     except InputError:
         return "refused"
     if warnings:

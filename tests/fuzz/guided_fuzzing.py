@@ -21,7 +21,6 @@ with atheris.instrument_imports(include=READ_BY):
     import ruamel.yaml  # noqa: F401 -- `parse` imports it when it is called
 
     from star_core import InputError
-    from star_core.mission_file.yaml_reader import parse
     from star_core.testing import scene
     from star_external.protocol import read
     from star_fleet.cpx import MTU, Decoder, SyncError
@@ -29,6 +28,7 @@ with atheris.instrument_imports(include=READ_BY):
     from star_radio.connection.link import Link
     from star_radio.report import BLOCK, SOURCES, Layout
     from star_radio.vehicle import Vehicle
+    from star_yaml.yaml_reader import parse
 
 SHAPE: Final = (8, 16)
 ROOM: Final = scene(2)

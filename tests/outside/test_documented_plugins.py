@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from jsonschema import Draft202012Validator
 
-from star_core.mission_file.input_file import read
+from star_yaml.input_file import read
 
 Run: TypeAlias = Callable[..., CompletedProcess[str]]
 ROOT = Path(__file__).parents[2]

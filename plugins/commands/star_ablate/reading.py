@@ -10,7 +10,7 @@ from typing import Any, Final, TypeAlias
 
 from star_ablate.study import COLUMNS, Condition, Study
 from star_core import InputError, Mission, Problem, Registry, load
-from star_core.commands import SourceFile, read_as
+from star_core.formats import SourceFile, read_as
 from star_core.toolkit import Progress, suggestion
 
 MEASURES: Final = (

@@ -96,8 +96,8 @@ def _digest(condition: Condition) -> str:
     content = {
         "file": condition.file,
         "levels": condition.levels,
-        "mission": mission.document.data,
-        "world": mission.world.data,
+        "mission": mission.source,
+        "world": mission.world_file.data,
         "plugins": {kind: str(part.source) for kind, part in mission.parts.items()},
         "verbs": {action.verb: str(action.source) for action in actions(mission.steps)},
     }

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from star_basics.mission_arguments import add_mission, assignments
 from star_core import Registry
+from star_core.formats import check_file
 from star_core.toolkit import Progress, log
 
 
@@ -22,9 +23,7 @@ def run(options: Namespace, registry: Registry) -> int:
         InputError: Something is wrong with it.
     """
     with Progress(f"checking {options.mission}"):
-        from star_core.commands import check_file
-
-        text, warnings = check_file(Path(options.mission), assignments(options), registry)
+        text, warnings = check_file(Path(options.mission), registry, assignments(options))
     for warning in warnings:
         log(warning)
     print(text)

@@ -9,7 +9,8 @@ from typing import Any, Final
 from star_basics.columns import text_width
 from star_basics.list_plugins import options_of
 from star_core import TaskSpec
-from star_core.commands import PARTS, SHARED, Found, flow
+from star_core.commands import PARTS, SHARED, Found
+from star_core.toolkit import flow
 
 MAX_DEPTH: Final = 4  # levels of maps inside options that are described
 AGENTS: Final = {"ground": "on the ground", "air": "in the air"}

@@ -7,14 +7,14 @@ from itertools import groupby
 
 from star_basics.columns import columns
 from star_core import Registry
-from star_core.commands import file_description, shipped_files
+from star_core.formats import format_function
 
 
-def run(_options: Namespace, _registry: Registry) -> int:
+def run(_options: Namespace, registry: Registry) -> int:
     """Print names and descriptions, by folder, and return the exit status, 0."""
-    files = shipped_files()
+    files = format_function("missions", registry)()
     for folder, names in groupby(files, key=lambda name: name.rpartition("/")[0]):
-        rows = ((name, file_description(files[name])) for name in names)
+        rows = ((name, files[name][1]) for name in names)
         print(folder or "missions", *columns(rows), "", sep="\n")
-    print(f"`star run NAME` flies one. To copy: {files['first_flight'].parent}")
+    print(f"`star run NAME` flies one. To copy: {files['first_flight'][0].parent}")
     return 0

@@ -7,7 +7,8 @@ from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
 from star_core import Registry
-from star_core.commands import editor_schema, writing
+from star_core.commands import writing
+from star_core.formats import format_function
 
 
 def configure(registry: Registry, line: ArgumentParser) -> None:
@@ -29,7 +30,7 @@ def run(options: Namespace, registry: Registry) -> int:
     Raises:
         InputError: The file cannot be written.
     """
-    text = json.dumps(editor_schema(options.of, registry), indent=2)
+    text = json.dumps(format_function("schema", registry)(options.of, registry), indent=2)
     if options.out:
         with writing(options.out):
             Path(options.out).write_text(text + "\n", encoding="utf-8")

@@ -11,7 +11,8 @@ from typing import Final
 from star_calibrate.board import Board, Views, find_views
 from star_calibrate.lens import Lens, solve
 from star_core import InputError, Registry
-from star_core.commands import read_as, writing
+from star_core.commands import writing
+from star_core.formats import read_as
 from star_core.toolkit import Progress
 
 NAME: Final = re.compile(r"(?!all$)[A-Za-z][A-Za-z0-9_-]*")  # as in missions

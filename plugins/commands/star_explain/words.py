@@ -73,7 +73,7 @@ RULES: Final[Mapping[str, str]] = {
 
 def facts(mission: Mission, registry: Registry) -> Iterator[str]:
     """Yield a line for each fact."""
-    yield f"{mission.name} ({mission.document.path})"
+    yield f"{mission.name} ({mission.file.path})"
     yield from _limits(mission)
     yield ""
     yield from _world(mission)
@@ -106,7 +106,7 @@ def _world(mission: Mission) -> Iterator[str]:
     world = mission.scene.world
     low, high = world.fence.low, world.fence.high
     size = " by ".join(f"{b - a:g}" for a, b in zip(low, high, strict=True))
-    yield f"world {world.name} ({mission.world.path})"
+    yield f"world {world.name} ({mission.world_file.path})"
     yield f"  fence      {size} m, from {value(low)} to {value(high)}"
     if world.obstacles:
         yield f"  obstacles  {', '.join(obstacle.name for obstacle in world.obstacles)}"
@@ -118,7 +118,7 @@ def _world(mission: Mission) -> Iterator[str]:
 
 
 def _swarm(mission: Mission) -> Iterator[str]:
-    given = mission.document.data
+    given = mission.source
     yield "swarm"
     wide = max(len(name) for name in mission.scene.names)
     for agent in mission.scene.agents:

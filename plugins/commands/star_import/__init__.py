@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from star_core import deferred, hookimpl
-from star_core.commands import CommandSpec, FileKindSpec
+from star_core.commands import CommandSpec
+from star_core.formats import FileKindSpec
 
 _HINTS = dict.fromkeys(
     ("mission", "world", "study", "faults"),

@@ -15,7 +15,7 @@ from star_import.sources import sorted_out
 from star_import.tags import EDGE
 
 
-def run(flags: argparse.Namespace, _registry: Registry) -> int:
+def run(flags: argparse.Namespace, registry: Registry) -> int:
     """Import files and return the exit status, 0.
 
     Raises:
@@ -34,7 +34,8 @@ def run(flags: argparse.Namespace, _registry: Registry) -> int:
         as_executed=flags.as_executed,
     )
     folder = Path(flags.out)
-    output = assemble(sorted_out([Path(file) for file in flags.files]), options, log)
+    sources = sorted_out([Path(file) for file in flags.files], registry)
+    output = assemble(sources, options, log)
     output.check(folder)
     files = output.write(folder, force=flags.force)
     sys.stdout.write("".join(f"{line}\n" for line in log.messages))

@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import Final
 
-from star_core.commands import Value
+from star_core.formats import Value
 from star_core.toolkit import shortlist
 from star_import.import_log import ImportLog
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from star_core import InputError
-from star_core.commands import Value
+from star_core.formats import Value
 
 NOT_SUPPORTED: Final = (
     "is not supported"  # why a key of Crazyswarm2, or of a whole file, is ignored

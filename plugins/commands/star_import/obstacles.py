@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-from star_core.commands import Value
+from star_core.formats import Value
 from star_import.import_log import NOT_SUPPORTED, ImportLog, show
 from star_import.text import Line, word
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from star_core.commands import Value
+from star_core.formats import Value
 from star_core.toolkit import shortlist
 from star_import.import_log import ImportLog
 

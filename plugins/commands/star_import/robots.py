@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from star_core import InputError
-from star_core.commands import Value
+from star_core.formats import Value
 from star_import import firmware
 from star_import.import_log import NOT_SUPPORTED, ImportLog, show
 

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from star_core import InputError
-from star_core.commands import Value, read_yaml
+from star_core import InputError, Registry
+from star_core.formats import Value, format_function
 
 
 @dataclass(slots=True)
@@ -27,7 +27,7 @@ class Sources:
     trajectories: list[Path] = field(default_factory=list)
 
 
-def sorted_out(paths: Sequence[Path]) -> Sources:
+def sorted_out(paths: Sequence[Path], registry: Registry) -> Sources:
     """Read files and sort them by content.
 
     Raises:
@@ -37,7 +37,7 @@ def sorted_out(paths: Sequence[Path]) -> Sources:
     problems: list[str] = []
     for path in paths:
         try:
-            _add(found, path)
+            _add(found, path, registry)
         except InputError as error:
             problems += error.problems
     if problems:
@@ -45,7 +45,7 @@ def sorted_out(paths: Sequence[Path]) -> Sources:
     return found
 
 
-def _add(found: Sources, path: Path) -> None:
+def _add(found: Sources, path: Path, registry: Registry) -> None:
     if path.suffix == ".csv":
         if not path.is_file():
             raise InputError([f"{path}: no such file"])
@@ -53,7 +53,7 @@ def _add(found: Sources, path: Path) -> None:
             raise InputError([f"{path}: another file is named {path.name!r} too; rename one"])
         found.trajectories.append(path)
         return
-    value = read_yaml(path, text_keys=True)
+    value: Value = format_function("values", registry)(path)
     keys = value.map().keys()
     sorts = {
         "mission": "command_sequence" in keys,

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from star_core.commands import Value
+from star_core.formats import Value
 from star_core.toolkit import TAG_RIM
 from star_import.import_log import ImportLog, show
 from star_import.text import Line

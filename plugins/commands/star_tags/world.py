@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from star_core import InputError, Registry
-from star_core.commands import read_as
+from star_core.formats import read_as
 from star_core.toolkit import TAG_RIM, TAG_SIZE
 from star_tags.page import Page
 from star_tags.sheet import Sheet, lay_out

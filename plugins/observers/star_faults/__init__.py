@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from star_core import Mission, Registry, deferred, hookimpl
-from star_core.commands import FileKindSpec, RunOptionSpec
+from star_core.commands import RunOptionSpec
+from star_core.formats import FileKindSpec
 
 
 @hookimpl

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from star_core import InputError, Problem, Registry, Scene, load
-from star_core.commands import SourceFile, inside, read_as
+from star_core.formats import SourceFile, inside, read_as
 from star_core.toolkit import Fault, fill_defaults, suggestion
 
 SCHEMA: Final = Path(__file__).with_name("faults.schema.json")

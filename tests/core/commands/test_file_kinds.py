@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 from star_core import InputError, PluginError, Problem, Registry, hookimpl
-from star_core.commands import FileKindSpec, SourceFile, check_file, read_as, run_command
+from star_core.commands import run_command
+from star_core.formats import FileKindSpec, SourceFile, check_file, read_as
 
 SCHEMA = {
     "type": "object",
@@ -57,7 +58,7 @@ def file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_check_accepts_the_kind_of_a_plugin(file: Path) -> None:
-    found = check_file(file, (), Registry(Gripper()))
+    found = check_file(file, Registry(Gripper()))
     assert found == ("hand.yaml: a gripper of 3 fingers", ())
 
 
@@ -71,14 +72,14 @@ def test_check_accepts_the_kind_of_a_plugin(file: Path) -> None:
 def test_mistakes_by_schema_and_check_are_located(file: Path, fingers: str, fault: str) -> None:
     file.write_text(f"star: 1\nfingers: {fingers}\n")
     with pytest.raises(InputError) as error:
-        check_file(file, (), Registry(Gripper()))
+        check_file(file, Registry(Gripper()))
     assert error.value.problems == (fault,)
 
 
 def test_a_kind_is_recognized_by_a_misspelt_key(file: Path) -> None:
     file.write_text("star: 1\nfinger: 2\n")
     with pytest.raises(InputError) as error:
-        check_file(file, (), Registry(Gripper()))
+        check_file(file, Registry(Gripper()))
     assert "hand.yaml:2:1: unknown key 'finger'; did you mean 'fingers'?" in str(error.value)
 
 
@@ -87,7 +88,7 @@ def test_a_check_that_raises_is_attributed_to_its_plugin(file: Path) -> None:
         raise LookupError("no hand")
 
     with pytest.raises(PluginError, match=r"^file kind 'gripper' \(.*Gripper\): LookupError: no h"):
-        check_file(file, (), Registry(Gripper(fail)))
+        check_file(file, Registry(Gripper(fail)))
 
 
 def test_a_file_of_the_kind_is_no_mission(file: Path) -> None:

@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
+import star_yaml
 from star_core import Tick, hookimpl
-from star_core.mission_file import file_kinds
 from star_core.plugin_support.compute_time import ComputeTime
 from star_core.plugin_support.discovery import Source
 from star_core.registry import Registry
@@ -135,7 +135,7 @@ def test_where_mission_time_goes_on_by_itself_late_ticks_are_reported_instead(
     lab: Lab, clock: Clock
 ) -> None:
     lab.realtime = True
-    lab.registry = Registry(file_kinds, lab, installed=False)
+    lab.registry = Registry(star_yaml, lab, installed=False)
     lab.spoil("planner", "plan", clock.wasting(9.0))
     summary = lab.fly()
     assert (lab.said("slow"), summary["slow_ticks"]) == ([], {})

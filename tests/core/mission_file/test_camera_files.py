@@ -12,8 +12,8 @@ import pytest
 from star_core import Camera, InputError, Registry, load
 from star_core.commands.main import main
 from star_core.metrics.manifest import manifest
-from star_core.mission_file import schema
-from star_core.mission_file.editor_schema import for_editors
+from star_yaml import schema
+from star_yaml.editor_schema import for_editors
 
 FILE = """\
 star: 1

@@ -13,12 +13,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from jsonschema import Draft202012Validator
 
-from star_core.mission_file.editor_schema import admitting, for_editors
-from star_core.mission_file.located import Location
-from star_core.mission_file.schema import _depends as depends
-from star_core.mission_file.schema import compose_steps
-from star_core.mission_file.yaml_reader import parse
+from star_core.formats.located import Location
 from star_core.registry import Registry
+from star_yaml.editor_schema import admitting, for_editors
+from star_yaml.schema import _depends as depends
+from star_yaml.schema import compose_steps
+from star_yaml.yaml_reader import parse
 
 MISSIONS = Path(__file__).parents[3] / "missions"
 OFFERS = Registry().offers()

@@ -13,8 +13,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from star_core.errors import InputError
-from star_core.mission_file.input_file import read
-from star_core.mission_file.located import Document
+from star_core.formats.located import Document
+from star_yaml.input_file import read
 
 MISSION = """\
 # a comment
@@ -299,7 +299,7 @@ def test_whatever_a_file_holds_is_read_or_refused_by_name(tmp_path: Path, conten
 
 def test_importing_the_reader_imports_no_yaml_and_no_numpy() -> None:
     code = (
-        "import sys, star_core.mission_file.located, star_core.mission_file.schema;"
+        "import sys, star_core.formats.located, star_yaml.schema;"
         "print({'ruamel', 'numpy', 'jsonschema'}.intersection(sys.modules))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -10,7 +10,7 @@ import pytest
 
 from star_core import Registry, load
 from star_core.commands.main import main
-from star_core.mission_file.input_file import read, shipped_files
+from star_yaml.input_file import read, shipped_files
 
 
 @pytest.fixture(autouse=True)

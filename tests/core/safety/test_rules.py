@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 
 from star_core import AgentPhase, Array, Estimate, Order, Supervisor, Telemetry
-from star_core.mission_file.schema import load
 from star_core.plugin_support.option_schema import fill_defaults
 from star_core.safety.monitors import SafetyAction, TickState
 from star_core.safety.rules import BATTERY_SAG_TIME, SUNK_TIME, Rules
 from star_core.testing import estimate, health, scene
 from star_core.testing.inputs import flight_telemetry
+from star_yaml.schema import load
 from tests.core.conftest import Lab
 from tests.core.test_executor import silent
 

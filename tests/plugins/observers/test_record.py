@@ -28,7 +28,6 @@ from star_core import (
     hookimpl,
     read_run,
 )
-from star_core.mission_file.mission_loader import load
 from star_core.plugin_support.discovery import Source
 from star_core.registry import Registry
 from star_core.runner import fly
@@ -36,6 +35,7 @@ from star_record.recorder import Recorder
 from star_record.text_log import TextLog
 from star_sim import ideal_world
 from star_sim.transport import Simulator
+from star_yaml.mission_loader import load
 
 WORLD = """\
 star: 1

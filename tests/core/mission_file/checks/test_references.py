@@ -9,12 +9,9 @@ from typing import Any
 
 import pytest
 
+import star_yaml
 from star_core.errors import InputError
 from star_core.hookspecs import hookimpl
-from star_core.mission_file import file_kinds
-from star_core.mission_file.mission_loader import load
-from star_core.mission_file.step_tree import rows_of
-from star_core.mission_file.yaml_reader import parse
 from star_core.plugin_support.discovery import Source
 from star_core.plugin_support.specs import (
     SPECS,
@@ -26,6 +23,9 @@ from star_core.plugin_support.specs import (
     TransportSpec,
 )
 from star_core.registry import Registry
+from star_yaml.mission_loader import load
+from star_yaml.step_tree import rows_of
+from star_yaml.yaml_reader import parse
 
 WORLD = """\
 star: 1
@@ -116,7 +116,7 @@ def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def registry(plugin: object | None = None) -> Registry:
     """A registry of one plugin, of the distribution ``their-dist``."""
-    only = Registry(file_kinds, installed=False)
+    only = Registry(star_yaml, installed=False)
     only.add(plugin or Parts(), Source("their-dist:parts", "1.2"))
     return only
 

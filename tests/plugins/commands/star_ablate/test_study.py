@@ -52,8 +52,8 @@ def test_a_level_sets_its_values_and_nothing_else(
     factors = "factors: {radius: {small: {avoider: {use: orca, radius: 0.2}, rate: 10}}}\n"
     (plain,) = read(study(HOP), registry).conditions
     (small,) = read(study(HOP + factors), registry).conditions
-    expected = plain.mission.document.data | {"avoider": {"use": "orca", "radius": 0.2}, "rate": 10}
-    assert small.mission.document.data == expected
+    expected = dict(plain.mission.source) | {"avoider": {"use": "orca", "radius": 0.2}, "rate": 10}
+    assert small.mission.source == expected
 
 
 def test_a_later_factor_sets_an_option_of_what_an_earlier_one_chose(
@@ -128,7 +128,7 @@ def test_seeds_in_another_word_than_own_are_refused(
 
 def test_a_run_flies_with_its_seed(study: Callable[[str], Path], registry: Registry) -> None:
     (run,) = read(study(f"{HOP}seeds: [41]\n"), registry).runs()
-    assert run.mission().scene.seed == run.mission().document.data["seed"] == 41
+    assert run.mission().scene.seed == run.mission().source["seed"] == 41
 
 
 def test_every_run_has_a_key_of_its_own_that_is_the_same_when_read_again(
@@ -163,7 +163,7 @@ def test_a_level_may_be_another_camera_s_file_and_a_change_of_it_changes_the_key
     for name, width in (("a", 320), ("b", 322)):
         (folder / f"{name}.yaml").write_text(f"star: 1\nname: {name}\nwidth: {width}\n")
     one, two = read(path, registry).conditions
-    assert [c.mission.document.data["cameras"]["own"]["width"] for c in (one, two)] == [320, 322]
+    assert [c.mission.source["cameras"]["own"]["width"] for c in (one, two)] == [320, 322]
     before = [run.key for run in read(path, registry).runs()]
     (folder / "b.yaml").write_text("star: 1\nname: b\nwidth: 324\n")
     after = [run.key for run in read(path, registry).runs()]

@@ -20,8 +20,8 @@ from star_core import (
     hookimpl,
     load,
 )
-from star_core.commands import check_file
 from star_core.errors import InputError, PluginError
+from star_core.formats import check_file
 
 MISSION = """\
 star: 1
@@ -55,7 +55,7 @@ def warnings(
     """The warnings about the mission with one of its texts replaced, and with changes."""
     Path("hop.yaml").write_text(MISSION.replace(old, new) if old else MISSION)
     Path("room.yaml").write_text(WORLD + world)
-    text, found = check_file(Path("hop.yaml"), changes, Registry(*plugins))
+    text, found = check_file(Path("hop.yaml"), Registry(*plugins), changes)
     assert text == "hop.yaml: 'hop' can be flown, with 2 agents"
     return list(found)
 

@@ -20,10 +20,10 @@ from star_basics.list_plugins import as_json, as_text, chosen
 from star_core import AvoiderSpec, InputError, TaskSpec, hookimpl
 from star_core.commands import CommandSpec
 from star_core.commands.main import main
-from star_core.mission_file.editor_schema import for_editors
-from star_core.mission_file.schema import compose, compose_steps, load
 from star_core.plugin_support.discovery import Source
 from star_core.registry import Registry
+from star_yaml.editor_schema import for_editors
+from star_yaml.schema import compose, compose_steps, load
 
 Said: TypeAlias = pytest.CaptureFixture[str]
 

@@ -32,12 +32,12 @@ from star_core import (
     hookimpl,
 )
 from star_core.commands.main import main
-from star_core.mission_file.mission_loader import load
 from star_core.plugin_support.discovery import Source
 from star_core.registry import Registry
 from star_core.runner import fly
 from star_core.testing import estimate, health, scene
 from star_core.toolkit.progress import REFRESH_PERIOD
+from star_yaml.mission_loader import load
 from tests.core.conftest import a_pipe
 
 HIDE_CURSOR, SHOW_CURSOR = "\x1b[?25l", "\x1b[?25h"

@@ -12,13 +12,13 @@ from typing import Any, cast
 import pytest
 
 import star_bench
+import star_yaml
 from star_ablate.command import configure
 from star_bench.command import label_of, named
 from star_bench.files import POSITIONS, SETTINGS, WORLDS
 from star_core import AvoiderSpec, InputError, Registry, hookimpl, load
 from star_core.commands import CommandSpec, run_command
 from star_core.commands.main import main as star
-from star_core.mission_file import file_kinds
 from tests.commands import command
 
 main = command("bench")
@@ -221,7 +221,7 @@ def test_an_interrupted_campaign_leaves_a_table_marked_as_incomplete(tmp_path: P
         return 1
 
     plugin = type("Plugin", (), {"star_commands": staticmethod(star_commands)})()
-    registry = Registry(file_kinds, plugin, star_bench, *_parts(), installed=False)
+    registry = Registry(star_yaml, plugin, star_bench, *_parts(), installed=False)
     assert run_command("bench", arguments, registry) == 1
     assert (out / "bench.csv").read_text().count("\n") == 1  # the heading
 

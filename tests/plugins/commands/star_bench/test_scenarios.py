@@ -25,7 +25,7 @@ from star_bench.scenario import (
 )
 from star_bench.scenarios import CATALOGUE, MAX_AGENTS, Case, numbers
 from star_core import Registry, load
-from star_core.mission_file.world_loader import obstacle, obstacle_faults
+from star_yaml.world_loader import obstacle, obstacle_faults
 
 RADIUS = 0.2  # m, of an agent, as `orca` has it
 ROUNDING = 1e-9  # m

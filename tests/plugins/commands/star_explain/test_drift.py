@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from star_core import AgentPhase, Registry
-from star_core.commands import check_file
+from star_core.formats import check_file
 from star_core.toolkit import Rehearsal
 
 WORLD = "star: 1\nname: hall\nfence: {low: [-9, -9, 0], high: [9, 9, 2.2]}\n"
@@ -35,7 +35,7 @@ def warnings(folder: Path, *changes: str) -> list[str]:
     """Return the warnings of a hover with some changes."""
     (folder / "hall.yaml").write_text(WORLD)
     (folder / "hover.yaml").write_text(MISSION)
-    return [*check_file(folder / "hover.yaml", changes, Registry())[1]]
+    return [*check_file(folder / "hover.yaml", Registry(), changes)[1]]
 
 
 def test_a_short_flight_side_by_side_is_safe(tmp_path: Path) -> None:
@@ -97,7 +97,7 @@ def warned(folder: Path, world: str, *changes: str) -> list[str]:
     (folder / "hall.yaml").write_text(WORLD + world)
     (folder / "hover.yaml").write_text(MISSION)
     changes = ("planner=visibility", *ALONE, *changes)
-    return [*check_file(folder / "hover.yaml", changes, Registry())[1]]
+    return [*check_file(folder / "hover.yaml", Registry(), changes)[1]]
 
 
 def test_one_agent_that_drifts_near_an_obstacle_is_warned_of(tmp_path: Path) -> None:

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from star_core import Registry
-from star_core.commands import check_file
 from star_core.errors import code_of
+from star_core.formats import check_file
 
 WORLD = "star: 1\nname: hall\nfence: {low: [-2, -2, 0], high: [2, 2, 2.2]}\n"
 MISSION = """\
@@ -33,7 +33,7 @@ def warnings(folder: Path, *steps: str) -> list[str]:
     (folder / "hall.yaml").write_text(WORLD)
     text = MISSION + "".join(f"  - {step}\n" for step in steps)
     (folder / "hops.yaml").write_text(text)
-    found = check_file(folder / "hops.yaml", (), Registry())[1]
+    found = check_file(folder / "hops.yaml", Registry())[1]
     return [f"{one.split(':')[1]} {code_of(one)}" for one in found]
 
 

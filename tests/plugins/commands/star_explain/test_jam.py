@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from star_core import Registry
-from star_core.commands import check_file
+from star_core.formats import check_file
 from star_explain.jam import crowd
 
 pytestmark = pytest.mark.shipped_world
@@ -50,7 +50,7 @@ def warnings(folder: Path, *changes: str, pitch: float = 0.75, lanes: int = 6) -
     text = text.replace("WEST", ", ".join(groups["west"]))
     (folder / "hall.yaml").write_text(WORLD)
     (folder / "lanes.yaml").write_text(text.replace("EAST", ", ".join(groups["east"])))
-    found = check_file(folder / "lanes.yaml", changes, Registry())[1]
+    found = check_file(folder / "lanes.yaml", Registry(), changes)[1]
     return [text for text in found if "margins-exceed-paths" in text]
 
 
@@ -109,5 +109,5 @@ def test_an_agent_between_two_that_come_cannot_make_way() -> None:
 def test_avoiders_for_exact_positions_are_warned_of(
     missions: Path, changes: list[str], *, warned: bool
 ) -> None:
-    found = check_file(missions / "first_flight.yaml", changes, Registry())[1]
+    found = check_file(missions / "first_flight.yaml", Registry(), changes)[1]
     assert any("avoider-needs-exact-positions" in text for text in found) == warned

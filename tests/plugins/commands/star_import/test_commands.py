@@ -11,9 +11,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from star_core import InputError, Mission
-from star_core.commands import Value
 from star_core.commands.main import main as star
-from star_core.mission_file.located import Data, Mark
+from star_core.formats import Value
+from star_core.formats.located import Data, Mark
 from star_core.toolkit import actions
 from star_import.import_log import ImportLog
 from star_import.records import records
@@ -27,7 +27,14 @@ UP = '"takeoff", "wait", "all", "", "",\n'
 
 
 def steps(mission: Mission) -> list[tuple[str, tuple[int, ...], dict[str, Any]]]:
-    return [(a.verb, a.rows, dict(a.options)) for a in actions(mission.steps)]
+    return [
+        (
+            step.verb,
+            step.rows,
+            {key: step.written[key] for key in step.written if key in step.options},
+        )
+        for step in actions(mission.steps)
+    ]
 
 
 def refused(commands: Fly, text: str, *arguments: str) -> list[str]:

@@ -13,11 +13,11 @@ import pytest
 import star_tags
 from star_core import InputError, Registry
 from star_core.commands import run_command
-from star_core.mission_file import schema as schemas
 from star_core.toolkit import TAG_RIM, TAG_SIZE
 from star_tags.page import Fill, Text, number, rectangle
 from star_tags.sheet import BAR, PAPERS, STRIP, Sheet, lay_out
 from star_tags.world import pages
+from star_yaml import schema as schemas
 from tests.commands import command
 
 main = command("tags")

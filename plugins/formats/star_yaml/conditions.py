@@ -6,26 +6,26 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, Final
 
-from star_core.conditions import (
+from star_core import Problem, Scene
+from star_core.formats import (
+    MAX_LISTED,
     AllOf,
     AnyOf,
     BatteryBelow,
     Condition,
     Elapsed,
-    Found,
     Happened,
+    Location,
     Near,
     Not,
+    Point,
+    TargetFound,
 )
-from star_core.errors import MAX_LISTED, suggestion
-from star_core.mission_file.located import Location
-from star_core.plugin_support.specs import Problem
-from star_core.scene import Scene
-from star_core.world.quaternions import Point
+from star_core.toolkit import suggestion
 
 OF_A_VALUE: Final[Mapping[str, Callable[[Any], Condition]]] = {
     "elapsed": Elapsed,
-    "found": Found,
+    "found": TargetFound,
     "battery_below": BatteryBelow,
     "event": Happened,
 }
@@ -54,7 +54,7 @@ def parse(written: Mapping[str, Any]) -> Condition:
 def needs_find(condition: Condition) -> bool:
     """Return whether a condition cannot hold as long as no target is found.
 
-    >>> needs_find(AllOf((Found(1), Elapsed(3)))), needs_find(Not(Found(1)))
+    >>> needs_find(AllOf((TargetFound(1), Elapsed(3)))), needs_find(Not(TargetFound(1)))
     (True, False)
     """
     match condition:
@@ -64,7 +64,7 @@ def needs_find(condition: Condition) -> bool:
             return any(map(needs_find, conditions))
         case Happened(event):
             return event == "found"
-    return isinstance(condition, Found)
+    return isinstance(condition, TargetFound)
 
 
 def until_problems(
@@ -115,10 +115,10 @@ def problems(
             parts = [(("all", i), inner) for i, inner in enumerate(conditions)]
         case Not(inner):
             parts = [(("not",), inner)]
-        case Found(str() as name) if name not in targets:
+        case TargetFound(str() as name) if name not in targets:
             hint = suggestion(name, targets, "there are", MAX_LISTED)
             yield Problem(("found",), f"no target named {name!r}{hint}", "unknown-target")
-        case Found(int() as count) if count > len(targets):
+        case TargetFound(int() as count) if count > len(targets):
             message = f"{count!r} is more than the {len(targets)} targets of the world"
             yield Problem(("found",), message, "out-of-range")
         case Near():

@@ -6,14 +6,9 @@ from collections.abc import Callable, Iterator, Mapping
 from numbers import Real
 from typing import Any, Final, TypeAlias
 
-from star_core.errors import PluginError
-from star_core.mission import Action
-from star_core.mission_file.checks.feasibility import position_code
-from star_core.mission_file.located import Location
-from star_core.plugin_support.option_schema import held
-from star_core.plugin_support.specs import Problem, StepGoal
-from star_core.registry import Found, Registry
-from star_core.scene import Scene
+from star_core import PluginError, Problem, Registry, Scene, StepGoal
+from star_core.formats import Action, Found, Location, held
+from star_yaml.checks.feasibility import position_code
 
 LISTED: Final = 3
 """How many of the other goals that are refused for the same value a message lists."""

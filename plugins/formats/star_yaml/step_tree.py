@@ -12,16 +12,22 @@ from dataclasses import replace
 from itertools import pairwise
 from typing import Any, TypeAlias
 
-from star_core.errors import MAX_LISTED, PluginError, suggestion
-from star_core.mission import Action, Node, Parallel, Repeat
-from star_core.mission_file import conditions
-from star_core.mission_file.located import Document, Location
-from star_core.mission_file.schema import UNKNOWN, Incomplete, Refused
-from star_core.plugin_support.discovery import Source
-from star_core.plugin_support.option_schema import JOIN, SHARED, fill_defaults
-from star_core.plugin_support.specs import Problem
-from star_core.registry import Registry
-from star_core.scene import Scene
+from star_core import PluginError, Problem, Registry, Scene
+from star_core.formats import (
+    JOIN,
+    MAX_LISTED,
+    SHARED,
+    Action,
+    Document,
+    Location,
+    Node,
+    Parallel,
+    Repeat,
+    Source,
+)
+from star_core.toolkit import fill_defaults, suggestion
+from star_yaml import conditions
+from star_yaml.schema import UNKNOWN, Incomplete, Refused
 
 Groups: TypeAlias = Mapping[str, tuple[int, ...]]
 """Rows by the name of an agent or a group, or ``all``."""

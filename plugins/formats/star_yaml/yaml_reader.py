@@ -12,8 +12,8 @@ from codecs import BOM_UTF8
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from star_core.errors import InputError
-from star_core.mission_file.located import Data, Mark, Value
+from star_core import InputError
+from star_core.formats import Data, Mark, Value
 
 if TYPE_CHECKING:
     from ruamel.yaml.nodes import Node
@@ -90,7 +90,7 @@ def parse(text: str, source: str, *, text_keys: bool = False) -> Value:
         node = yaml.compose(text)
         value = None if node is None else reader.value(node)
     except MarkedYAMLError as error:
-        from star_core.mission_file.yaml_errors import explain
+        from star_yaml.yaml_errors import explain
 
         line, column, message = explain(error, text)
         problem = f"{Mark(source, line, column)}: {message}"

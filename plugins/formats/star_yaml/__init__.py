@@ -1,15 +1,56 @@
-"""The kinds of files that missions are made of: missions, steps, worlds and cameras."""
+"""The format of missions in YAML, and its kinds of files: missions, steps, worlds and cameras."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Any
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from star_core.errors import InputError
-from star_core.hookspecs import hookimpl
-from star_core.plugin_support.option_schema import PARTS
-from star_core.plugin_support.specs import FileKindSpec, Problem, SourceFile
-from star_core.registry import Registry
+from star_core import InputError, Problem, Registry, deferred, hookimpl
+from star_core.formats import PARTS, FileKindSpec, FormatSpec, SourceFile
+
+if TYPE_CHECKING:
+    from star_core import Agent, World
+
+
+@hookimpl
+def star_formats() -> Iterator[FormatSpec]:
+    yield FormatSpec(
+        name="yaml",
+        summary="Missions, worlds and other files in YAML.",
+        load=deferred("star_yaml.mission_loader:load"),
+        check=deferred("star_yaml.check_file:check_file"),
+        read=deferred("star_yaml.schema:read_as"),
+        values=_values,
+        schema=deferred("star_yaml.editor_schema:editor_schema"),
+        missions=_missions,
+        check_choice=deferred("star_yaml.schema:choice_problems"),
+        restore=_restore,
+    )
+
+
+def _values(path: Path) -> Any:
+    from star_yaml.yaml_reader import read_yaml
+
+    return read_yaml(path, text_keys=True)
+
+
+def _missions() -> dict[str, tuple[Path, str]]:
+    from star_yaml.input_file import file_description, shipped_files
+
+    return {name: (file, file_description(file)) for name, file in shipped_files().items()}
+
+
+def _restore(manifest: Mapping[str, Any], file: Path) -> tuple[tuple[Agent, ...], World]:
+    import json
+
+    from star_core.formats import Document
+    from star_yaml.mission_loader import agents
+    from star_yaml.world_loader import world
+    from star_yaml.yaml_reader import parse
+
+    swarm = agents(manifest["mission"])
+    return swarm, world(Document(parse(json.dumps(manifest["world"]), str(file)), file))
 
 
 @hookimpl
@@ -54,31 +95,31 @@ def star_file_kinds() -> Iterator[FileKindSpec]:
 
 
 def _load(name: str) -> dict[str, Any]:
-    from star_core.mission_file.schema import load
+    from star_yaml.schema import load
 
     return load(name)
 
 
 def _mission_schema(registry: Registry) -> dict[str, Any]:
-    from star_core.mission_file.schema import compose
+    from star_yaml.schema import compose
 
     return compose(registry.offers())
 
 
 def _steps_schema(registry: Registry) -> dict[str, Any]:
-    from star_core.mission_file.schema import compose_steps
+    from star_yaml.schema import compose_steps
 
     return compose_steps(registry.offers())
 
 
 def _check_world(file: SourceFile, _registry: Registry) -> str:
-    from star_core.mission_file.world_loader import world
+    from star_yaml.world_loader import world
 
     return f"{world(file).name!r}, a world that can be flown in"
 
 
 def _check_camera(file: SourceFile, _registry: Registry) -> str:
-    from star_core.world.camera import camera_faults
+    from star_core.formats import camera_faults
 
     faults = camera_faults(file.data)
     if found := file.located(Problem(path, text, "invalid-camera") for path, text in faults):

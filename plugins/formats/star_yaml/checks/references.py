@@ -8,18 +8,26 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, Final, Literal, TypeAlias
 
-from star_core.errors import MAX_LISTED, suggestion
-from star_core.mission import Action, Node, Parallel, Repeat, actions, nodes
-from star_core.mission_file import conditions
-from star_core.mission_file.checks import feasibility
-from star_core.mission_file.checks.plugin_checks import PluginChecks
-from star_core.mission_file.located import Document, Location
-from star_core.mission_file.schema import Incomplete
-from star_core.plugin_support.option_schema import JOIN, LEAVE, PARTS
-from star_core.plugin_support.specs import Problem
-from star_core.registry import Registry
-from star_core.scene import Scene
-from star_core.world.camera import camera_faults
+from star_core import Problem, Registry, Scene
+from star_core.formats import (
+    JOIN,
+    LEAVE,
+    MAX_LISTED,
+    PARTS,
+    Action,
+    Document,
+    Location,
+    Node,
+    Parallel,
+    Repeat,
+    camera_faults,
+    nodes,
+)
+from star_core.toolkit import actions, suggestion
+from star_yaml import conditions
+from star_yaml.checks import feasibility
+from star_yaml.checks.plugin_checks import PluginChecks
+from star_yaml.schema import Incomplete
 
 State: TypeAlias = Literal["ground", "air", "reserve", "removed"] | None
 """Of one agent; None if not known."""

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-from star_core.errors import suggestion
-from star_core.mission_file.located import Location
-from star_core.mission_file.yaml_errors import odd_character
+from star_core.formats import Location
+from star_core.toolkit import flow, suggestion
+from star_yaml.yaml_errors import odd_character
 
 if TYPE_CHECKING:
     from jsonschema import ValidationError
@@ -266,19 +265,6 @@ def show(value: Any) -> str:
         return "null" if value is None else str(value).lower()
     text = repr(value)
     return text if len(text) <= _LONGEST else text[:_LONGEST] + "..."
-
-
-def flow(value: Any) -> str:
-    """Return a value in one line of YAML.
-
-    >>> flow({"any": [{"found": 1}, {"not": {"event": ""}}]})
-    '{any: [{found: 1}, {not: {event: ""}}]}'
-    """
-    if isinstance(value, dict):
-        return "{" + ", ".join(f"{key}: {flow(one)}" for key, one in value.items()) + "}"
-    if isinstance(value, list):
-        return "[" + ", ".join(map(flow, value)) + "]"
-    return value if isinstance(value, str) and value else json.dumps(value)
 
 
 def short_flow(value: Any) -> str:

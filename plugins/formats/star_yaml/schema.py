@@ -11,18 +11,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 from urllib.parse import quote, unquote
 
-from star_core.errors import InputError
-from star_core.mission_file.input_file import read, require_kind
-from star_core.mission_file.located import Document, Location
-from star_core.plugin_support.option_schema import PARTS, SHARED, references
-from star_core.plugin_support.specs import MissionSpec
-from star_core.registry import Registry
+from star_core import InputError, Problem, Registry
+from star_core.formats import PARTS, SHARED, Document, Location, MissionSpec, references
+from star_yaml.input_file import read, require_kind
 
 if TYPE_CHECKING:
     from jsonschema import ValidationError
     from jsonschema.protocols import Validator
 
-    from star_core.mission_file.schema_errors import Fault
+    from star_yaml.schema_errors import Fault
 
 SIGN: Final = "$"
 """Begins a string that names a parameter."""
@@ -36,10 +33,8 @@ _CONTAINERS: Final = ("anyOf", "oneOf", "contains")
 
 def load(name: str) -> dict[str, Any]:
     """Read ``schemas/<name>.schema.json``, as for ``world``."""
-    from importlib.resources import files
-
-    packaged = files("star_core") / "schemas"
-    folder = packaged if packaged.is_dir() else Path(__file__).parents[2] / "schemas"
+    packaged = Path(__file__).with_name("schemas")
+    folder = packaged if packaged.is_dir() else Path(__file__).parents[3] / "schemas"
     schema: dict[str, Any] = json.loads(
         (folder / f"{name}.schema.json").read_text(encoding="utf-8")
     )
@@ -132,7 +127,7 @@ def faults(
         errors = [error for error in errors if not _depends(error)]
     if not errors:
         return []
-    from star_core.mission_file.schema_errors import explain
+    from star_yaml.schema_errors import explain
 
     return list(explain(errors, document.data))
 
@@ -142,6 +137,19 @@ def located(document: Document, faults: Iterable[Fault]) -> list[str]:
     return document.in_order(
         document.problem(one.path, one.message, one.code, key=one.key) for one in faults
     )
+
+
+def choice_problems(
+    kind: str, choice: str | Mapping[str, Any], registry: Registry
+) -> Iterator[Problem]:
+    """Yield what is wrong with the choice of a plugin; paths begin at the choice."""
+    from star_yaml.schema_errors import explain
+
+    mission = compose({kind: registry.offers()[kind]})
+    schema = {"properties": {kind: mission["properties"][kind]}, "$defs": mission["$defs"]}
+    data = {kind: choice if isinstance(choice, str) else dict(choice)}
+    for fault in explain(validator()(schema).iter_errors(data), data):
+        yield Problem(tuple(fault.path[1:]), fault.message, fault.code)
 
 
 UNKNOWN: Final = ""

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Final
 
-from star_core.mission_file.schema import PARAMETER
-from star_core.registry import Registry
+from star_core import Registry
+from star_yaml.schema import PARAMETER
 
 NO_SCHEMAS: Final = ("const", "default", "enum", "examples")
 """Keywords whose values are no schemas, whatever they look like."""

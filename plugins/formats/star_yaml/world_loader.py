@@ -10,11 +10,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import combinations, pairwise
 from typing import Any, Final
 
-from star_core.errors import InputError
-from star_core.plugin_support.specs import Problem, SourceFile
-from star_core.world.outlines import around_circle, box, outline_fault, wall
-from star_core.world.quaternions import Point, moved, turned
-from star_core.world.world import TAG_RIM, TAG_SIZE, Corner, Fence, Obstacle, Tag, World
+from star_core import Fence, InputError, Obstacle, Problem, Tag, World
+from star_core.formats import Corner, Point, SourceFile, around_circle, box, moved, turned, wall
+from star_core.toolkit import TAG_RIM, TAG_SIZE, outline_fault
 
 MAX_VISIBLE_SIZES: Final = 100
 """Distance at which no camera resolves a tag, in sizes of the tag: with an AI-deck's focal length,

@@ -9,11 +9,10 @@ from itertools import takewhile
 from pathlib import Path
 from typing import Any, Final
 
-from star_core.errors import InputError, printable, suggestion
-from star_core.mission_file.located import Document, Mark, Value, shown
-from star_core.mission_file.yaml_reader import parse, read_yaml
-from star_core.plugin_support.option_schema import PARTS
-from star_core.registry import Registry
+from star_core import InputError, Registry
+from star_core.formats import PARTS, Document, Mark, Value, printable, shown
+from star_core.toolkit import suggestion
+from star_yaml.yaml_reader import parse, read_yaml
 
 _NEEDED: Final = ("world", "swarm", *PARTS)  # what steps lack to be a mission
 
@@ -40,8 +39,8 @@ def read(path: Path) -> Document:
 @cache
 def shipped_files() -> dict[str, Path]:
     """Return the files by name: ``first_flight``, ``studies/avoiders``, ``worlds/lab_4x4``."""
-    packaged = Path(__file__).parents[1] / "missions"
-    folder = packaged if packaged.is_dir() else Path(__file__).parents[2] / "missions"
+    packaged = Path(__file__).with_name("missions")
+    folder = packaged if packaged.is_dir() else Path(__file__).parents[3] / "missions"
     files = [*sorted(folder.glob("*.yaml")), *sorted(folder.glob("*/*.yaml"))]
     return {file.relative_to(folder).with_suffix("").as_posix(): file for file in files}
 

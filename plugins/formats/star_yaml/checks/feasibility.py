@@ -8,16 +8,10 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Any, Final
 
-from star_core.errors import MAX_LISTED, suggestion
-from star_core.mission import Action
-from star_core.mission_file.located import Document
-from star_core.mission_file.schema import Incomplete
-from star_core.plugin_support.option_schema import JOIN
-from star_core.plugin_support.specs import Problem
-from star_core.registry import Registry
-from star_core.scene import Scene
-from star_core.world.quaternions import Point
-from star_core.world.world import CONTACT_RADIUS, Fence
+from star_core import Fence, Problem, Registry, Scene
+from star_core.formats import JOIN, MAX_LISTED, Action, Document, Point
+from star_core.toolkit import CONTACT_RADIUS, suggestion
+from star_yaml.schema import Incomplete
 
 MAX_STAND: Final = 0.15  # m: height of an agent's centre above what it stands on
 

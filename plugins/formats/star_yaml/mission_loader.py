@@ -11,21 +11,26 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
-from star_core.errors import InputError, PluginError
-from star_core.mission import Mission, PluginChoice
-from star_core.mission_file import schema, world_loader
-from star_core.mission_file.checks.references import of_mission
-from star_core.mission_file.includes import with_files
-from star_core.mission_file.input_file import override, read, require_kind
-from star_core.mission_file.located import Document
-from star_core.mission_file.schema import UNKNOWN, Incomplete, Refused
-from star_core.mission_file.step_tree import StepBuilder
-from star_core.plugin_support.guard import PluginGuard
-from star_core.plugin_support.option_schema import PARTS, fill_defaults
-from star_core.registry import Registry
-from star_core.scene import Agent, Limits, Scene, inside
-from star_core.world.camera import Camera
-from star_core.world.world import Fence, World
+from star_core import (
+    Agent,
+    Camera,
+    Fence,
+    InputError,
+    Limits,
+    Mission,
+    PluginError,
+    Registry,
+    Scene,
+    World,
+)
+from star_core.formats import PARTS, Document, PluginChoice, inside
+from star_core.toolkit import PluginGuard, fill_defaults
+from star_yaml import schema, world_loader
+from star_yaml.checks.references import of_mission
+from star_yaml.includes import with_files
+from star_yaml.input_file import override, read, require_kind
+from star_yaml.schema import UNKNOWN, Incomplete, Refused
+from star_yaml.step_tree import StepBuilder
 
 # What stands for the parts of a mission that are not known while the others are checked.
 NO_WORLD: Final = World("", Fence((-math.inf,) * 3, (math.inf,) * 3))
@@ -86,8 +91,9 @@ def checked(written: Document, registry: Registry, assignments: Sequence[str] = 
         reserve=data["reserve"],
         plugin_strikes=data["plugin_strikes"],
         collisions=data["collisions"],
-        document=document,
-        world=world,
+        source=document.data,
+        file=document,
+        world_file=world,
         warnings=tuple(document.located(problem for problem in found if problem.warning)),
     )
 
@@ -119,7 +125,7 @@ def _transport_properties(choice: Mapping[str, Any], registry: Registry) -> dict
     except PluginError:  # reported as a reference
         return {}
     offer, properties = found.offer, {"realtime": bool(found.offer.realtime)}
-    options = _options(choice)
+    options = fill_defaults(_options(choice), offer.options)  # some of them may be refused
     for name in ("exact_odometry", "measures_positions"):
         if (holds := getattr(offer, name)) is not None:
             with PluginGuard(f"transport {offer.name!r} ({found.source})"):

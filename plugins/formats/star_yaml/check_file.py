@@ -5,25 +5,23 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from star_core.errors import InputError
-from star_core.mission_file import schema
-from star_core.mission_file.includes import check_alone
-from star_core.mission_file.input_file import kind_of, lacking, override, read
-from star_core.mission_file.located import Document
-from star_core.mission_file.mission_loader import checked
-from star_core.plugin_support.specs import FileKindSpec, Problem
-from star_core.registry import Registry, guarded
+from star_core import InputError, Problem, Registry
+from star_core.formats import Document, FileKindSpec, guarded
+from star_yaml import schema
+from star_yaml.includes import check_alone
+from star_yaml.input_file import kind_of, lacking, override, read
+from star_yaml.mission_loader import checked
 
 
 def check_file(
-    path: Path, assignments: Sequence[str], registry: Registry
+    path: Path, registry: Registry, assignments: Sequence[str] = ()
 ) -> tuple[str, Sequence[str]]:
     """Return, in one line, what a file is good for, and warnings.
 
     Args:
         path: Of the file.
+        registry: Registry of the plugins.
         assignments: ``path=value`` each, to be set in it first.
-        registry: The plugins that there are.
 
     Raises:
         InputError: Something is wrong with it.
@@ -52,11 +50,11 @@ def _mission(
     found_by_plugins = registry.manager.hook.star_check(mission=mission, registry=registry)
     problems: list[Problem] = [problem for own in found_by_plugins for problem in own]
     if errors := [problem for problem in problems if not problem.warning]:
-        raise InputError(mission.document.located(errors))
+        raise InputError(mission.file.located(errors))
     agents = len(mission.scene.agents)
     many = "agents" if agents > 1 else "agent"
     text = f"{path}: {mission.name!r} can be flown, with {agents} {many}"
-    return text, (*mission.warnings, *mission.document.located(problems))
+    return text, (*mission.warnings, *mission.file.located(problems))
 
 
 def _steps(document: Document, registry: Registry) -> str:

@@ -10,8 +10,9 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-from star_core.errors import suggestion
-from star_core.mission_file.error_messages import (
+from star_core.formats import PARTS, Location
+from star_core.toolkit import suggestion
+from star_yaml.error_messages import (
     CODES,
     Breach,
     general,
@@ -21,8 +22,6 @@ from star_core.mission_file.error_messages import (
     show,
     what,
 )
-from star_core.mission_file.located import Location
-from star_core.plugin_support.option_schema import PARTS
 
 if TYPE_CHECKING:
     from jsonschema import ValidationError

@@ -11,12 +11,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
-from star_core.errors import InputError, coded, suggestion
-from star_core.mission_file import schema
-from star_core.mission_file.located import Document, Mark, Value
-from star_core.mission_file.schema import SIGN, is_parameter
-from star_core.registry import Registry
-from star_core.scene import inside
+from star_core import InputError, Registry
+from star_core.formats import Document, Mark, Value, coded, inside
+from star_core.toolkit import suggestion
+from star_yaml import schema
+from star_yaml.schema import SIGN, is_parameter
 
 _COORDINATES: Final = 3
 """Values in a list whose locations are listed in the list's own: a point has no more."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from star_core.mission_file.schema import compose, validator
+from star_core.formats import format_function
 from star_core.plugin_support.option_schema import fill_defaults
 from star_core.plugin_support.specs import Problem
 from star_core.registry import Registry
@@ -44,17 +44,12 @@ def check_inner(scene: Scene, kind: str, choice: str | Mapping[str, Any]) -> Ite
         >>> problem.path, problem.message
         (('gain',), "planner 'straight': gain: -1 is not possible here, expected more than 0")
     """
-    from star_core.mission_file.schema_errors import explain
-
-    offers = Registry().offers()
-    mission = compose({kind: offers[kind]})
-    schema = {"properties": {kind: mission["properties"][kind]}, "$defs": mission["$defs"]}
-    data = {kind: choice if isinstance(choice, str) else dict(choice)}
-    faults = list(explain(validator()(schema).iter_errors(data), data))
-    yield from (Problem(tuple(one.path[1:]), one.message, one.code) for one in faults)
-    if not faults:
+    registry = Registry()
+    found = [*format_function("check_choice", registry)(kind, choice, registry)]
+    yield from found
+    if not found:
         name, options = _parted(choice)
-        offer = offers[kind][name]
+        offer = registry.find(kind, name).offer
         if offer.check is not None:
             yield from offer.check(scene, **fill_defaults(options, offer.options))
 

@@ -1,0 +1,53 @@
+# The public names of `star_core.formats` and their modules, listed once.
+
+from star_core.conditions import AllOf as AllOf
+from star_core.conditions import AnyOf as AnyOf
+from star_core.conditions import BatteryBelow as BatteryBelow
+from star_core.conditions import Condition as Condition
+from star_core.conditions import Elapsed as Elapsed
+from star_core.conditions import Happened as Happened
+from star_core.conditions import Near as Near
+from star_core.conditions import Not as Not
+from star_core.conditions import TargetFound as TargetFound
+from star_core.errors import MAX_LISTED as MAX_LISTED
+from star_core.errors import coded as coded
+from star_core.errors import printable as printable
+from star_core.formats.loading import check_file as check_file
+from star_core.formats.loading import format_function as format_function
+from star_core.formats.loading import read_as as read_as
+from star_core.formats.located import Data as Data
+from star_core.formats.located import Document as Document
+from star_core.formats.located import Location as Location
+from star_core.formats.located import Mark as Mark
+from star_core.formats.located import Value as Value
+from star_core.formats.located import shown as shown
+from star_core.mission import Action as Action
+from star_core.mission import Node as Node
+from star_core.mission import Parallel as Parallel
+from star_core.mission import PluginChoice as PluginChoice
+from star_core.mission import Repeat as Repeat
+from star_core.mission import nodes as nodes
+from star_core.plugin_support.discovery import Source as Source
+from star_core.plugin_support.option_schema import JOIN as JOIN
+from star_core.plugin_support.option_schema import LEAVE as LEAVE
+from star_core.plugin_support.option_schema import PARTS as PARTS
+from star_core.plugin_support.option_schema import SHARED as SHARED
+from star_core.plugin_support.option_schema import held as held
+from star_core.plugin_support.option_schema import references as references
+from star_core.plugin_support.specs import FileKindSpec as FileKindSpec
+from star_core.plugin_support.specs import FormatSpec as FormatSpec
+from star_core.plugin_support.specs import MissionSpec as MissionSpec
+from star_core.plugin_support.specs import SourceFile as SourceFile
+from star_core.registry import Found as Found
+from star_core.registry import guarded as guarded
+from star_core.scene import inside as inside
+from star_core.world.camera import camera_faults as camera_faults
+from star_core.world.outlines import around_circle as around_circle
+from star_core.world.outlines import box as box
+from star_core.world.outlines import wall as wall
+from star_core.world.quaternions import Point as Point
+from star_core.world.quaternions import moved as moved
+from star_core.world.quaternions import turned as turned
+from star_core.world.world import Corner as Corner
+
+__all__: list[str]  # noqa: PYI035 -- of all names above

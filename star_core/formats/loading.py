@@ -1,0 +1,100 @@
+"""Finds the format of a file, and loads missions by it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from star_core.errors import InputError, PluginError
+from star_core.registry import Registry, guarded
+
+if TYPE_CHECKING:
+    from star_core.mission import Mission
+    from star_core.plugin_support.specs import SourceFile
+    from star_core.registry import Found
+
+
+def load(path: Path | str, registry: Registry, assignments: Sequence[str] = ()) -> Mission:
+    """Read a mission and check it.
+
+    Args:
+        path: The mission's file, or the name of a mission that comes with a format.
+        registry: Registry of the plugins, the format among them.
+        assignments: ``path=value`` each, to be set in the mission first.
+
+    Raises:
+        InputError: The mission or its world cannot be flown; every reason found is listed.
+        PluginError: No installed format reads it.
+    """
+    path = Path(path)
+    found = format_of(path, registry)
+    mission: Mission = guarded("format", found, found.offer.load, path, registry, assignments)
+    return mission
+
+
+def check_file(
+    path: Path, registry: Registry, assignments: Sequence[str] = ()
+) -> tuple[str, Sequence[str]]:
+    """Return, in one line, what a file of any kind is good for, and warnings, one line each.
+
+    The arguments and the errors are those of `load`.
+    """
+    found = format_of(path, registry)
+    text, warnings = guarded("format", found, found.offer.check, path, registry, assignments)
+    return text, warnings
+
+
+def read_as(path: Path, kind: str, registry: Registry) -> SourceFile:
+    """Read a file that a command or a mission names.
+
+    Args:
+        path: The file.
+        kind: Name of its `FileKindSpec`.
+        registry: Registry of the formats and of the kinds of files.
+
+    Raises:
+        InputError: It cannot be read, is of another kind or does not fit the schema of its kind;
+            lists every reason with its location.
+    """
+    found = format_of(path, registry)
+    if found.offer.read is None:
+        noun = registry.find("file_kind", kind).offer.noun
+        text = f"{path}: format {found.offer.name!r} has no such file as {noun}"
+        raise InputError(text, "wrong-file")
+    file: SourceFile = guarded("format", found, found.offer.read, path, kind, registry)
+    return file
+
+
+def format_of(path: Path, registry: Registry) -> Found:
+    """Return the format that recognizes a file or, if none does, the one that reads any file.
+
+    Raises:
+        PluginError: There is neither.
+    """
+    formats = [registry.find("format", name) for name in registry.names("format")]
+    for found in formats:
+        recognizes = found.offer.recognizes
+        if recognizes is not None and guarded("format", found, recognizes, path):
+            return found
+    for found in formats:
+        if found.offer.recognizes is None:
+            return found
+    raise PluginError(f"no installed format reads {str(path)!r}", "unknown-plugin")
+
+
+def format_function(name: str, registry: Registry) -> Callable[..., Any]:
+    """Return an optional function of the first format that has it.
+
+    Args:
+        name: Of the field of `FormatSpec`.
+        registry: Registry of the formats.
+
+    Raises:
+        PluginError: No installed format has it.
+    """
+    for spec in registry.offers()["format"].values():
+        if (function := getattr(spec, name)) is not None:
+            found: Callable[..., Any] = function
+            return found
+    raise PluginError(f"no installed format has {name!r}", "unknown-plugin")

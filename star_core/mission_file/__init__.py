@@ -1,1 +1,0 @@
-"""Mission, world and camera files: located YAML, schema, includes, error messages."""
