@@ -24,6 +24,7 @@ WAITING_USE: Final = 2 / 3  # of the room to an agent that lands, from which on 
 CORRECTION_RATIO: Final = 0.9  # of the deviation before: below, a landmark corrected the position
 LOCATED_RATIO: Final = 0.5  # of the deviation for which an agent returned: below, it is located
 WAITING_TIME: Final = 3.0  # s, for a correction, before and after a return
+PARTING_TIME: Final = 0.5  # s, in one flight, for two agents to fly apart: then one of them lands
 ARRIVAL_DISTANCE: Final = 0.2  # m, at which an agent has returned to where it was located
 MAX_RETURNS: Final = 3  # of an agent in one flight: then it lands
 
@@ -48,7 +49,8 @@ class UncertainAgents:
     of the covariance, whatever the localizer.
 
     Of two agents without room between them, only that makes way which has the most such neighbors,
-    or else the later one; the other waits meanwhile. One that never had a correction lands at once.
+    or else the later one; the other waits meanwhile. One that never had a correction lands, after
+    `PARTING_TIME` without room in all: two that pass each other lack it for a moment.
 
     Args:
         scene: World, limits and names.
@@ -68,6 +70,7 @@ class UncertainAgents:
         self._return_goal = np.zeros((n, 3))  # m
         self._return_limit = np.zeros(n)  # m, deviation below which an agent has returned
         self._returns = np.zeros(n, np.int64)
+        self._short_time = np.zeros(n)  # s, in which agents that are never corrected had no room
         self._time = 0.0  # s, of the tick
         self._near = NOTHING_NEAR
         self._stopped = np.zeros(n, np.bool_)  # in the last tick
@@ -224,7 +227,8 @@ class UncertainAgents:
         name, time = self._scene.agents[row].name, estimate.time
         if self._stage[row] == Stage.FLIES:
             if not waits:
-                return reason
+                self._short_time[row] += self._scene.period
+                return reason if self._short_time[row] > PARTING_TIME else None
             self._stage[row], self._until[row] = Stage.BRAKES, time + WAITING_TIME
             self._report(f"{name} is {reason}: it brakes", name)
             return None

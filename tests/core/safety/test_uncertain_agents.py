@@ -9,7 +9,12 @@ import numpy as np
 import pytest
 
 from star_core import Array, Goals, Limits, Obstacle, Setpoint
-from star_core.safety.uncertain_agents import MAX_RETURNS, WAITING_TIME, UncertainAgents
+from star_core.safety.uncertain_agents import (
+    MAX_RETURNS,
+    PARTING_TIME,
+    WAITING_TIME,
+    UncertainAgents,
+)
 from star_core.testing import estimate, scene
 
 BOX = Obstacle("box2", (((1.0, -1.0), (2.0, -1.0), (2.0, 1.0), (1.0, 1.0)),), (0.0, 2.0))
@@ -166,7 +171,8 @@ def test_of_two_agents_without_room_the_later_one_lands() -> None:
     flight = Flight(2)
     assert flight.at(*MEETING, std=0.31, planned=(EAST, WEST)) == [True, True]
     assert flight.lands == []
-    assert flight.at(*MEETING, std=0.34, planned=(EAST, WEST)) == [False, False]
+    seconds = PARTING_TIME + 0.1
+    assert flight.at(*MEETING, std=0.34, planned=(EAST, WEST), seconds=seconds)[0] is False
     assert flight.lands == ["cf2: uncertain by 0.34 m and 0.80 m from cf1"]
     assert flight.at(*MEETING, std=0.34, planned=(EAST, WEST), seconds=20.0)[0] is False
     above = (*MEETING[0][:2], 1.0), (*MEETING[1][:2], 0.6)
@@ -174,9 +180,21 @@ def test_of_two_agents_without_room_the_later_one_lands() -> None:
     assert len(flight.lands) == 1
 
 
+def test_agents_that_lack_room_for_a_moment_stop_but_do_not_land() -> None:
+    flight = Flight(2)
+    for _ in range(2):
+        passing = flight.at(*MEETING, std=0.34, planned=(EAST, WEST), seconds=0.4 * PARTING_TIME)
+        assert passing == [False, False]
+        assert flight.at(*MEETING, std=0.31, planned=(EAST, WEST)) == [True, True]
+    assert flight.events == flight.lands == []
+    flight.at(*MEETING, std=0.34, planned=(EAST, WEST), seconds=0.4 * PARTING_TIME)
+    assert len(flight.lands) == 1
+
+
 def test_agents_that_close_in_land_before_they_cannot_brake() -> None:
     flight = Flight(2)
-    flight.at(*MEETING, std=0.25, planned=(EAST, WEST), flown=(EAST, WEST))
+    closing = PARTING_TIME + 0.1
+    flight.at(*MEETING, std=0.25, planned=(EAST, WEST), flown=(EAST, WEST), seconds=closing)
     assert len(flight.lands) == 1
 
 
