@@ -48,12 +48,6 @@ def _installed_on(_path: tuple[str, ...], group: str) -> EntryPoints:
 
 vars(discovery)["entry_points"] = lambda group: _installed_on(tuple(sys.path), group)
 
-# Defaults of `sim`, and those of the tests that are not about its errors: `shipped_world`.
-SHIPPED: Final = {name: star_sim.OPTIONS["properties"][name] for name in ("profile", "controller")}
-star_sim.OPTIONS["properties"] |= {
-    name: {**rules, "default": "ideal"} for name, rules in SHIPPED.items()
-}
-
 # Times are measured in benchmarks, not in tests. The default examples are the same in every run;
 # `--hypothesis-profile=campaign` tries more, and others each time.
 settings.register_profile("star", max_examples=25, deadline=None, derandomize=True)
@@ -89,15 +83,16 @@ mission:
 
 
 @pytest.fixture(scope="module", autouse=True)
-def shipped_world(request: pytest.FixtureRequest) -> Iterator[None]:
-    """Give `sim` the defaults of users in modules with this mark; others fly in its ideal world.
+def ideal_world(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Give `sim` the ideal world as a default in modules with this mark; others fly as users do.
 
     Commands in processes of their own always have the defaults of users.
     """
     with pytest.MonkeyPatch.context() as patch:
-        if request.node.get_closest_marker("shipped_world"):
-            for name, rules in SHIPPED.items():
-                patch.setitem(star_sim.OPTIONS["properties"], name, rules)
+        if request.node.get_closest_marker("ideal_world"):
+            for name in ("profile", "controller"):
+                ideal = {**star_sim.OPTIONS["properties"][name], "default": "ideal"}
+                patch.setitem(star_sim.OPTIONS["properties"], name, ideal)
         yield
 
 

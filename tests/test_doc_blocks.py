@@ -26,8 +26,6 @@ from star_core.commands.command_line import parser_of as parser_of_spec
 from star_core.commands.main import main
 from star_core.registry import Registry
 
-pytestmark = pytest.mark.shipped_world
-
 ROOT = Path(__file__).parents[1]
 PAGES = [
     *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "examples/README.md")),

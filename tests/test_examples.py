@@ -14,8 +14,6 @@ import nbformat
 import pytest
 from nbclient import NotebookClient
 
-pytestmark = pytest.mark.shipped_world
-
 ROOT = Path(__file__).parents[1]
 EXAMPLES = ROOT / "examples"
 

@@ -16,8 +16,6 @@ import pytest
 from star_core.plugin_support.specs import MissionSpec
 from star_core.registry import Registry
 
-pytestmark = pytest.mark.shipped_world
-
 ROOT = Path(__file__).parents[1]
 
 

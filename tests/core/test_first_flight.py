@@ -12,8 +12,6 @@ import pytest
 from star_core import AgentPhase
 from star_core.commands.main import main
 
-pytestmark = pytest.mark.shipped_world
-
 MISSION = Path(__file__).parents[2] / "missions" / "first_flight.yaml"
 
 

@@ -12,8 +12,6 @@ from star_core import Registry, fly, load
 from star_core.commands.main import main
 from star_core.toolkit import actions, fill_defaults
 
-pytestmark = pytest.mark.shipped_world
-
 MISSIONS = Path(__file__).parents[2] / "missions"
 GEOMETRIC = "transport.camera.mode=geometric"  # not images, which three_eyes has
 IN_PROCESS = "localizer.processes=0"  # a process takes seconds to start; results are the same

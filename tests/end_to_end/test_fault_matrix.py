@@ -15,8 +15,6 @@ from star_core import Event
 from tests.campaign import fault_flight, faults, touchdowns
 from tests.campaign.fault_cells import CELLS
 
-pytestmark = pytest.mark.shipped_world
-
 
 def cell(name: str) -> Any:
     (found,) = (one for one in CELLS if one.name == name)

@@ -23,7 +23,6 @@ main = command("ablate")
 Study = Callable[[str], Path]
 Rows = Callable[[Path], list[dict[str, str]]]
 
-pytestmark = pytest.mark.shipped_world  # as in the processes of workers
 
 HOP = "missions: [../hop.yaml]\nmeasures: [path_length_m.total, flight_time_s]\n"
 SLOW = "factors: {rate: {slow: {rate: 10}}}\n"

@@ -11,8 +11,6 @@ from star_core import Registry
 from star_core.formats import check_file
 from star_explain.jam import crowd
 
-pytestmark = pytest.mark.shipped_world
-
 WORLD = "star: 1\nname: hall\nfence: {low: [-20, -20, 0], high: [20, 20, 3]}\n"
 MISSION = """\
 star: 1

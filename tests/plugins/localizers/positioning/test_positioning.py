@@ -28,8 +28,6 @@ from star_core.toolkit import quaternion_from_euler
 from star_positioning.odometry import expected_std
 from tests.plugins.localizers.test_flow import report
 
-pytestmark = pytest.mark.shipped_world
-
 MISSION = """\
 star: 1
 name: rows
