@@ -63,6 +63,8 @@ TOGETHER: Final = (
 )
 APART: Final = ("tests/core/test_missions.py",)
 
+collect_ignore = ["fuzz/guided_fuzzing.py"]  # needs atheris
+
 ROOM = "star: 1\nname: room\nfence: {low: [-2, -2, 0], high: [2, 2, 2]}\n"
 HOP = """\
 star: 1
@@ -124,9 +126,9 @@ def with_plugin(monkeypatch: pytest.MonkeyPatch) -> Callable[[object], None]:
 
 @pytest.hookimpl(optionalhook=True, wrapper=True)
 def pytest_xdist_auto_num_workers() -> Generator[None, int, int]:
-    """Run half as many processes again as there are processors: many tests wait for real time."""
+    """Run two processes per processor: many tests wait for real time."""
     count = yield
-    return count + count // 2
+    return 2 * count
 
 
 @pytest.hookimpl(optionalhook=True)

@@ -28,6 +28,8 @@ from star_core import (
 from star_sim.drone import standing
 from star_sim.fusion import POSITION_GROWTH, Fusion
 
+pytestmark = pytest.mark.ideal_world
+
 MISSIONS = Path(__file__).parents[3] / "missions"
 PATHS = ("box", "circle", "figure8")  # the paper's
 AT_HOME = Transform(np.array([math.pi / 2]), np.array([[1.0, 2.0, 0.0]]))

@@ -12,6 +12,8 @@ from star_core import Flight, Frames, Image, Registry, load
 from star_core.commands.main import main
 from star_record.recorder import Recorder
 
+pytestmark = pytest.mark.ideal_world
+
 WORLD = """\
 star: 1
 name: room

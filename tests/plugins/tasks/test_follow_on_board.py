@@ -15,6 +15,8 @@ from star_core.plugin_support.discovery import Source
 from star_core.testing import scene
 from star_verbs.follow.files import PIECE_COLUMNS
 
+pytestmark = pytest.mark.ideal_world
+
 POLY7: dict[str, Any] = {"file": "path.csv", "format": "poly7"}
 ON_BOARD = POLY7 | {"on_board": True}
 HEADER = ",".join(PIECE_COLUMNS)

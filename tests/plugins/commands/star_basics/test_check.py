@@ -23,6 +23,8 @@ from star_core import (
 from star_core.errors import InputError, PluginError
 from star_core.formats import check_file
 
+pytestmark = pytest.mark.ideal_world
+
 MISSION = """\
 star: 1
 name: hop
@@ -97,7 +99,7 @@ LOW_WALL = WALL.replace("[0, 2]", "[0, 0.5]")
 
 def test_a_flight_over_an_obstacle_is_a_warning_if_a_ranger_measures_heights() -> None:
     assert warnings(world=LOW_WALL, changes=RANGER) == [
-        "hop.yaml:14:11: warning: cf1 flies over obstacle 'wall' at [-1.00, 0.50, 0.80], from "
+        "hop.yaml:14:11: warning: cf1 flies over obstacle 'wall' at [-1.00, 0.46, 0.80], from "
         "where a ranger measures its height: it climbs by 0.50 m [over-obstacle]"
     ]
 

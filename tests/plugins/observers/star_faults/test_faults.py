@@ -17,6 +17,8 @@ from star_core.commands.main import main
 from star_faults.fault_file import faults_of
 from star_faults.injector import FaultInjector
 
+pytestmark = pytest.mark.ideal_world
+
 ROOM = {
     "star": 1,
     "name": "room",

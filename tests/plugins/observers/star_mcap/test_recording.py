@@ -32,6 +32,8 @@ from star_mcap import writer
 from star_mcap.messages import FILE
 from star_mcap.recovery import recover
 
+pytestmark = pytest.mark.ideal_world
+
 
 @pytest.fixture(scope="module", autouse=True)
 def _loaded() -> Iterator[None]:
