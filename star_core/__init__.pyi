@@ -43,8 +43,6 @@ from star_core.messages.telemetry import Refusal as Refusal
 from star_core.messages.telemetry import Sightings as Sightings
 from star_core.messages.telemetry import Supervisor as Supervisor
 from star_core.messages.telemetry import Telemetry as Telemetry
-from star_core.metrics.records import Run as Run
-from star_core.metrics.records import read_run as read_run
 from star_core.mission import Mission as Mission
 from star_core.operator import Operator as Operator
 from star_core.plugin_support.specs import AvoiderSpec as AvoiderSpec
@@ -55,6 +53,8 @@ from star_core.plugin_support.specs import StepGoal as StepGoal
 from star_core.plugin_support.specs import TaskSpec as TaskSpec
 from star_core.plugin_support.specs import TransportSpec as TransportSpec
 from star_core.plugin_support.specs import deferred as deferred
+from star_core.records.read_run import Run as Run
+from star_core.records.read_run import read_run as read_run
 from star_core.registry import Registry as Registry
 from star_core.runner import fly as fly
 from star_core.scene import Agent as Agent

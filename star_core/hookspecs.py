@@ -1,4 +1,4 @@
-"""The hooks: some offer plugins, some are called by commands, five observe flights.
+"""The hooks: some offer plugins, some are called by commands, others observe flights.
 
 Offering hooks are called before the mission is read: import what is heavy inside ``make``. Their
 `registry` has the records of the kinds that plugins add already, and may be kept.
@@ -35,6 +35,12 @@ if TYPE_CHECKING:
     from star_core.toolkit import Rehearsal
 
 PROJECT = "star"
+
+OBSERVING = (
+    *("star_mission_started", "star_ticked", "star_phase_changed", "star_event"),
+    *("star_summary", "star_mission_ended"),
+)
+"""Hooks that are called during a flight."""
 
 hookspec = pluggy.HookspecMarker(PROJECT)
 hookimpl = pluggy.HookimplMarker(PROJECT)
@@ -171,10 +177,25 @@ def star_report(folder: Path, registry: Registry) -> Path | None:
 
 
 @hookspec
-def star_mission_started(flight: Flight, operator: Operator) -> None:
+def star_mission_started(flight: Flight, operator: Operator) -> object | None:
     """Observe the start: the links are open and nothing has moved yet.
 
-    An observer for the operator keeps `operator`, to land the agents when it is asked to.
+    An observer for the operator keeps `operator`, to land the agents when it is asked to. An object
+    that is returned observes this flight in the plugin's place, so that flights share no state.
+
+    Example:
+        >>> from star_core import hookimpl
+        >>> class Ticks:
+        ...     count = 0
+        ...     @hookimpl
+        ...     def star_ticked(self):
+        ...         self.count += 1
+        ...     @hookimpl
+        ...     def star_summary(self):
+        ...         return {"ticks": self.count}
+        >>> @hookimpl
+        ... def star_mission_started():
+        ...     return Ticks()
     """
 
 
@@ -191,6 +212,14 @@ def star_phase_changed(time: float, agent: str | None, phase: str) -> None:
 @hookspec
 def star_event(event: Event) -> None:
     """Observe an event of the record."""
+
+
+@hookspec
+def star_summary() -> Mapping[str, Any]:  # type: ignore[empty-body]
+    """Return what was measured, as JSON, by keys that the summary does not have yet.
+
+    It is called at the end of a flight. The plugin is named in the log if a key is taken.
+    """
 
 
 @hookspec

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
-from star_core.messages.events import Event
+from star_core.errors import ContractError
+from star_core.messages.events import Event, Flight
+from star_core.operator import Operator
 from star_core.plugin_support.compute_time import ComputeTime
 from star_core.plugin_support.guard import PluginTimeout
 from star_core.plugin_support.plugin_manager import PluginManager
+from star_core.records.summary import check_measures
 
 log = logging.getLogger(__name__)
 
@@ -19,7 +22,7 @@ class Observers:
     """Calls the observing hooks, so that no plugin can ground a flight.
 
     Args:
-        plugins: By name; those that observe nothing too.
+        plugins: Those that observe flights, by name.
         compute_time: Measures each plugin.
 
     Attributes:
@@ -27,12 +30,28 @@ class Observers:
     """
 
     def __init__(self, plugins: Mapping[str, object], compute_time: ComputeTime) -> None:
-        self._manager = PluginManager(self._guard)
+        self._manager = PluginManager(self._guard, self._checked)
         for name, plugin in plugins.items():
             self._manager.register(plugin, name)
         self._compute_time = compute_time
         self.events: list[Event] = []
         self._time = 0.0
+        self._of_flight: dict[str, object] = {}
+        self._measures: dict[str, Any] = {}
+        self._taken: frozenset[str] = frozenset()  # keys of the summary
+
+    def start(self, flight: Flight, operator: Operator) -> None:
+        """Begin a flight; what a plugin returns then observes this flight in its place."""
+        self.notify("star_mission_started", flight=flight, operator=operator)
+        plugins = self._manager.plugins
+        self._manager = PluginManager(self._guard, self._checked)
+        for name, plugin in plugins.items():
+            with self._guard(name, "star_mission_started"):
+                self._manager.register(self._of_flight.get(name, plugin), name)
+        for name, text in [*self._manager.unknown_hooks()]:
+            if name in self._of_flight:  # the registry has checked the others
+                with self._guard(name, "star_mission_started"):
+                    raise ContractError(text)
 
     def begin_tick(self, time: float) -> None:
         """Set the mission time of the events that follow, s."""
@@ -41,6 +60,16 @@ class Observers:
     def notify(self, hook: str, /, **arguments: Any) -> None:
         """Call every implementation of a hook; drop the plugin of one that raises."""
         getattr(self._manager.hook, hook)(**arguments)
+
+    def measures(self, taken: Collection[str]) -> dict[str, Any]:
+        """Return what the observers measured, by keys of the summary.
+
+        Args:
+            taken: Keys that are in the summary already.
+        """
+        self._taken = frozenset(taken)
+        self.notify("star_summary")
+        return self._measures
 
     def event(
         self,
@@ -56,6 +85,14 @@ class Observers:
         """Record an event and report it to the observers."""
         self.events.append(event)
         self.notify("star_event", event=event)
+
+    def _checked(self, plugin: str, hook: str, result: Any) -> Any:
+        """Use the result of a hook: an observer of this flight only, or what one measured."""
+        if hook == "star_mission_started" and result is not None:
+            self._of_flight[plugin] = result
+        elif hook == "star_summary" and result is not None:
+            self._measures |= check_measures(result, {*self._taken, *self._measures})
+        return result
 
     @contextmanager
     def _guard(self, plugin: str, hook: str) -> Iterator[None]:

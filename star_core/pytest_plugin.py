@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 if TYPE_CHECKING:
-    from star_core.metrics.records import Run
+    from star_core.records.read_run import Run
     from star_core.scene import Scene
 
 

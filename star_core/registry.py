@@ -193,14 +193,9 @@ class Registry:
         return tuple(sorted(self._found.get(kind, ())))
 
     def observers(self) -> dict[str, object]:
-        """Return the plugins that observe flights, by hooks without a result, by name."""
-        hooks = [
-            name
-            for name, hook in vars(hookspecs).items()
-            if name.startswith("star_") and hook.__annotations__["return"] == "None"
-        ]
-        names = set().union(*map(self.manager.implementing, hooks))
-        return {name: self.manager.plugins[name] for name in sorted(names)}
+        """Return the plugins that observe flights by name, in the order of registration."""
+        names = set().union(*map(self.manager.implementing, hookspecs.OBSERVING))
+        return {name: plugin for name, plugin in self.manager.plugins.items() if name in names}
 
     def offers(self) -> dict[str, dict[str, Any]]:
         """Return the records by kind and name.

@@ -14,13 +14,13 @@ from typing import Any
 from star_core.contracts import Status
 from star_core.errors import PluginError
 from star_core.messages.events import Flight
-from star_core.metrics.manifest import manifest
 from star_core.mission import Mission
 from star_core.observers import Observers
 from star_core.operator import Operator
 from star_core.phases import MissionPhase
 from star_core.pipeline import PluginPipeline
 from star_core.plugin_support.guard import leaked_threads
+from star_core.records.manifest import manifest
 from star_core.registry import Registry
 from star_core.scene import Scene
 from star_core.tick import ControlLoop, MissionStatus
@@ -59,10 +59,8 @@ def fly(
         operator.report = run.observers.event
         operator.await_landings = pipeline.await_landings
         facts = manifest(mission, registry)
-        run.observers.notify(
-            "star_mission_started",
-            flight=Flight(mission.name, mission.scene, facts, folder, save_frames),
-            operator=operator,
+        run.observers.start(
+            Flight(mission.name, mission.scene, facts, folder, save_frames), operator
         )
         with pipeline.compute_time.watchdog, _short_collections(mission.scene):
             run.fly()
@@ -120,7 +118,7 @@ class _Run:
     ) -> None:
         self._operator = operator
         self._wall_time = 0.0
-        self.observers = Observers(registry.manager.plugins, pipeline.compute_time)
+        self.observers = Observers(registry.observers(), pipeline.compute_time)
         self.loop = ControlLoop(mission, registry, pipeline, self.observers, operator)
         self.reason: str | None = None
 

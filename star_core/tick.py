@@ -31,12 +31,12 @@ from star_core.messages.state import (
     Setpoint,
     among,
 )  # fmt: skip
-from star_core.metrics.summary import FlightMetrics
 from star_core.mission import Mission
 from star_core.observers import Observers
 from star_core.operator import Operator
 from star_core.phases import MissionPhase
 from star_core.pipeline import PluginPipeline
+from star_core.records.summary import MEASURES, FlightSummary, event_records
 from star_core.registry import Registry
 from star_core.safety.agents_in_the_way import GroundedAgents
 from star_core.safety.filter import SafetyFilter
@@ -126,7 +126,7 @@ class ControlLoop:
             else None
         )
         self._landing = LandingManager(scene, self._vehicles, observers, pipeline.refuses)
-        self._metrics = FlightMetrics(scene)
+        self._summary = FlightSummary(scene)
         self._uncertain_landings: dict[int, str] = {}  # names by the slots that they left
         self._unreachable: dict[int, str] = {}  # reasons by row, in the last tick
         self._lost_since = np.full(n, np.inf)  # s
@@ -302,7 +302,7 @@ class ControlLoop:
         Returns:
             Reasons why the mission has failed although its steps have not.
         """
-        for event in self._metrics.contacts.finish():
+        for event in self._summary.contacts.finish():
             self._observers.record(event)
         return [*filter(None, (self._uncertain_landed(), self._collisions()))]
 
@@ -317,20 +317,21 @@ class ControlLoop:
             reason: Why the mission did not complete; empty if it did.
             wall_time: Of the flight, s.
         """
-        return (
-            self._metrics.summary(
+        summary = (
+            self._summary.summary(
                 mission=self._mission.name,
                 outcome=str(self.phase),
                 reason=reason,
                 wall_time=wall_time,
                 took=self._pipeline.took(),
                 steps=self._executor.steps,
-                targets=self._vehicles.targets,
-                events=self._observers.events,
+                targets=self._vehicles.targets.summary(),
             )
             | self._vehicles.timing.summary()
             | self._pipeline.compute_time.summary()
         )
+        measures = self._observers.measures(summary.keys() - MEASURES)
+        return summary | measures | {"events": event_records(self._observers.events)}
 
     def _landed(self) -> MissionStatus | None:
         """Return the status of landing all agents; None if that is not what the flight does."""
@@ -338,7 +339,7 @@ class ControlLoop:
 
     def _collisions(self) -> str:
         """Return the number of collisions that fail the mission; empty if there are none."""
-        contacts = self._metrics.contacts
+        contacts = self._summary.contacts
         count = contacts.agent_agent + contacts.agent_obstacle
         if not count or self._mission.collisions == "record":
             return ""
@@ -423,8 +424,9 @@ class ControlLoop:
         self._landing.land(sorted(instructions.leave))
 
     def _near(self, estimate: Estimate) -> Pairs:
-        """Return the pairs of agents that safety filter and metrics consider."""
-        return Pairs.of(estimate.position, max(self._safety.reach, self._metrics.reach))
+        """Return the pairs of agents that safety filter and contacts consider."""
+        reach = max(self._safety.reach, self._summary.contacts.reach)
+        return Pairs.of(estimate.position, reach)
 
     def _record(
         self,
@@ -435,14 +437,14 @@ class ControlLoop:
         corrected: Corrected,
         near: Pairs,
     ) -> None:
-        """Measure a tick and pass it to the observers."""
+        """Add a tick to the summary and pass it to the observers."""
         inputs = state.telemetry, state.estimate, state.health, state.goals
         truth = self._pipeline.truth()
         timing = self._vehicles.timing.of_tick(self._pipeline.took())
         tick = Tick(self._vehicles.time, *inputs, plan, sent, truth, doing, corrected, timing)
         for failure in self._pipeline.strikes.drain():
             self._observers.event("plugin", failure)
-        for event in self._metrics.add(tick, near):
+        for event in self._summary.add(tick, near):
             self._observers.record(event)
         self._observers.notify("star_ticked", tick=tick)
 

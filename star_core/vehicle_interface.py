@@ -8,11 +8,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from star_core.execution.targets import Targets
 from star_core.messages.arrays import Mask, Rows, every, frozen, some
 from star_core.messages.commands import Command, Order
 from star_core.messages.state import AIRBORNE, AgentPhase, Estimate, Health, Setpoint
 from star_core.messages.telemetry import Supervisor, Telemetry
-from star_core.metrics.targets import Targets
 from star_core.observers import Observers
 from star_core.phases import Phases
 from star_core.pipeline import PluginPipeline, renewed

@@ -31,7 +31,7 @@ KINDS: Final = {
 GROUPS: Final = {  # page, title, and prefixes of the modules whose public names it has
     "flights": (
         "Flights and records",
-        ("runner", "operator", "registry", "mission", "formats", "metrics"),
+        ("runner", "operator", "registry", "mission", "formats", "records"),
     ),
     "contracts": ("Contracts and specs", ("contracts", "hookspecs", "plugin_support")),
     "messages": ("Tables", ("messages",)),

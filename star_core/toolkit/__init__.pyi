@@ -8,6 +8,7 @@ from star_core.geometry.free_position import MAX_DRIFT as MAX_DRIFT
 from star_core.geometry.free_position import OBSTACLE_CLEARANCE as OBSTACLE_CLEARANCE
 from star_core.geometry.free_position import free_position as free_position
 from star_core.geometry.free_position import is_free as is_free
+from star_core.geometry.neighbours import Pairs as Pairs
 from star_core.geometry.obstacles import box_edges as box_edges
 from star_core.geometry.obstacles import footprint as footprint
 from star_core.geometry.obstacles import obstacle_meshes as obstacle_meshes

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import logging
 from collections.abc import Generator, Mapping
 from typing import Any
@@ -298,3 +299,87 @@ def test_an_observer_without_the_marker_is_not_called(lab: Lab) -> None:
     watched(lab, Plain())
     lab.fly()
     assert called == []
+
+
+class Counter:
+    """A plugin that counts the ticks of each flight, and adds to its summary."""
+
+    def __init__(self, measure: Any = None) -> None:
+        self._measure = measure
+
+    @hookimpl
+    def star_mission_started(self) -> object:
+        measure = self._measure
+
+        class Ticks:
+            count = 0
+
+            @hookimpl
+            def star_ticked(self) -> None:
+                self.count += 1
+
+            @hookimpl
+            def star_summary(self) -> Any:
+                return {"ticks": self.count} if measure is None else measure
+
+        return Ticks()
+
+
+def test_each_flight_has_an_observer_of_its_own(lab: Lab) -> None:
+    watched(lab, Counter())
+    first, second = lab.fly(), lab.fly()
+    assert first["ticks"] == second["ticks"] > 10
+    assert list(first)[-1] == "ticks"  # after the keys of the core
+
+
+def test_an_observer_may_contribute_a_measure_that_no_other_does(lab: Lab) -> None:
+    watched(lab, Counter({"deadlocks": 7}))
+    summary = lab.fly()
+    assert summary["deadlocks"] == 7
+    assert list(summary).index("deadlocks") < list(summary).index("steps")
+
+
+@pytest.mark.parametrize(
+    ("measure", "why"),
+    [
+        ({"outcome": "great"}, "ContractError: the summary has a key 'outcome' already"),
+        ({"late_ticks": 0}, "ContractError: the summary has a key 'late_ticks' already"),
+        ({"figure": float("nan")}, "ContractError: figure is not JSON: "),
+        ({"figure": {1, 2}}, "ContractError: figure is not JSON: "),
+        ({"path_length_m": 3.0}, "ContractError: path_length_m is no object"),
+        ([1], "TypeError: "),
+    ],
+    ids=str,
+)
+def test_an_observer_with_a_wrong_measure_is_named(lab: Lab, measure: Any, why: str) -> None:
+    watched(lab, Counter(measure))
+    summary = lab.fly()
+    assert summary["outcome"] == "completed"
+    (text,) = lab.said("observer")
+    assert text.startswith(f"its-dist:watch is dropped: star_summary raised {why}")
+    assert summary["events"][-1]["text"] == text
+    assert json.loads(json.dumps(summary, allow_nan=False)) == summary
+
+
+def test_of_two_observers_with_one_key_the_second_is_named(lab: Lab) -> None:
+    watched(lab, Counter())
+    watched(lab, Counter(), "other")
+    assert lab.fly()["ticks"] > 10
+    (text,) = lab.said("observer")
+    assert "star_summary raised ContractError: the summary has a key 'ticks' already" in text
+
+
+def test_an_observer_of_a_flight_with_an_unknown_hook_is_named(lab: Lab) -> None:
+    class Misspelt:
+        @hookimpl
+        def star_tciked(self) -> None: ...
+
+    class Plugin:
+        @hookimpl
+        def star_mission_started(self) -> object:
+            return Misspelt()
+
+    watched(lab, Plugin())
+    assert lab.fly()["outcome"] == "completed"
+    (text,) = lab.said("observer")
+    assert "no hook named 'star_tciked'; did you mean 'star_ticked'?" in text

@@ -112,7 +112,7 @@ def _row(found: Found) -> tuple[str, str]:
 
 def _observers(registry: Registry) -> Iterator[tuple[str, Found]]:
     """Yield the plugins that observe flights; the summary is the first line of the docstring."""
-    for name, plugin in registry.observers().items():
+    for name, plugin in sorted(registry.observers().items()):
         text = (plugin if isinstance(plugin, ModuleType) else type(plugin)).__doc__ or ""
         first = text.strip().partition("\n")[0].replace("``", "")
         title, _, rest = first.partition(": ")

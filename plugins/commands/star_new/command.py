@@ -83,11 +83,8 @@ def _files(what: str, name: str, kind: str | None) -> Iterator[tuple[str, str]]:
         "package": package,
         "folder": folder,
         "kind": kind,
-        "entry": package,
         "title": title,
     }
-    if kind == "observer":
-        values["entry"] = f"{package}:{word}"
     lines, step = dict(LINE), STEP
     if kind in lines:
         lines[kind] = f"{kind}: {word}"

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from importlib.util import find_spec
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from star_core import InputError, deferred, hookimpl
 from star_core.commands import CommandSpec
@@ -13,46 +13,24 @@ from star_core.commands import CommandSpec
 if TYPE_CHECKING:
     import argparse
 
-    from star_core import Event, Flight, Operator, Tick
+    from star_core import Flight, Operator
     from star_mcap.process import RecorderProcess
 
 log = logging.getLogger(__name__)
 
 PACKAGES = ("mcap", "rosbags")  # of the extra `record`
 
-_recorders: list[RecorderProcess] = []  # of the current flight, if it is recorded
-
 
 @hookimpl
-def star_mission_started(flight: Flight, operator: Operator) -> None:
-    _recorders.clear()
+def star_mission_started(flight: Flight, operator: Operator) -> RecorderProcess | None:
     if flight.folder is None:
-        return
+        return None
     if missing := _missing():
         log.debug("no flight.mcap without %s: pip install 'star-swarm[record]'", missing)
-        return
+        return None
     from star_mcap.process import RecorderProcess
 
-    _recorders.append(RecorderProcess(flight, flight.folder, operator.lost))
-
-
-@hookimpl
-def star_ticked(tick: Tick) -> None:
-    for recorder in _recorders:
-        recorder.add(tick)
-
-
-@hookimpl
-def star_event(event: Event) -> None:
-    for recorder in _recorders:
-        recorder.add_event(event)
-
-
-@hookimpl(tryfirst=True)
-def star_mission_ended(summary: Mapping[str, Any]) -> None:
-    for recorder in _recorders:
-        recorder.close(summary)
-    _recorders.clear()
+    return RecorderProcess(flight, flight.folder, operator.lost)
 
 
 def _missing() -> list[str]:

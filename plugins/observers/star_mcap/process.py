@@ -18,7 +18,7 @@ from queue import Queue
 from threading import Thread
 from typing import IO, Any, Final, cast
 
-from star_core import Event, Flight, Frames, Odometry, Tick
+from star_core import Event, Flight, Frames, Odometry, Tick, hookimpl
 
 BATCH_PERIOD: Final = 0.2  # s of wall time from one message to the next
 BATCH_SIZE: Final = 32  # ticks in a message, at most
@@ -53,6 +53,7 @@ class RecorderProcess:
         self._thread.start()
         self._queue.put(pickle.dumps((flight, folder, time.time_ns())))
 
+    @hookimpl(specname="star_ticked")
     def add(self, tick: Tick) -> None:
         """Record one tick.
 
@@ -66,10 +67,12 @@ class RecorderProcess:
         if due or len(self._batch) >= BATCH_SIZE:
             self._send()
 
+    @hookimpl(specname="star_event")
     def add_event(self, event: Event) -> None:
         """Record an event."""
         self._batch.append(event)
 
+    @hookimpl(specname="star_mission_ended", tryfirst=True)
     def close(self, summary: Mapping[str, Any]) -> None:
         """Complete the file.
 

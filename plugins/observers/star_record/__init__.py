@@ -2,41 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from star_core import hookimpl
 
 if TYPE_CHECKING:
-    from star_core import Event, Flight, Operator, Tick
+    from star_core import Flight, Operator
     from star_record.recorder import Recorder
 
-_recorders: list[Recorder] = []  # of the current flight, if it is recorded
-
 
 @hookimpl
-def star_mission_started(flight: Flight, operator: Operator) -> None:
-    _recorders.clear()
-    if flight.folder is not None:
-        from star_record.recorder import Recorder
+def star_mission_started(flight: Flight, operator: Operator) -> Recorder | None:
+    if flight.folder is None:
+        return None
+    from star_record.recorder import Recorder
 
-        _recorders.append(Recorder(flight, flight.folder, operator.lost))
-
-
-@hookimpl
-def star_ticked(tick: Tick) -> None:
-    for recorder in _recorders:
-        recorder.add(tick)
-
-
-@hookimpl
-def star_event(event: Event) -> None:
-    for recorder in _recorders:
-        recorder.log.write(event)
-
-
-@hookimpl
-def star_mission_ended(summary: Mapping[str, Any]) -> None:
-    for recorder in _recorders:
-        recorder.close(summary)
-    _recorders.clear()
+    return Recorder(flight, flight.folder, operator.lost)

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from star_core import Detections, Flight, Frames, Image, Paths, Tick
+from star_core import Detections, Event, Flight, Frames, Image, Paths, Tick, hookimpl
 from star_core.commands import split_timing
 from star_record.spool import Spool
 from star_record.text_log import TextLog
@@ -50,6 +50,7 @@ class Recorder:
             self._write("manifest.json", flight.manifest)
             self.log = TextLog(folder / "log.txt")
 
+    @hookimpl(specname="star_ticked")
     def add(self, tick: Tick) -> None:
         """Store one tick."""
         self.log.time = tick.time
@@ -120,6 +121,11 @@ class Recorder:
                 log.warning("saving of images stopped: %s", error)
                 return
 
+    @hookimpl
+    def star_event(self, event: Event) -> None:
+        self.log.write(event)
+
+    @hookimpl(specname="star_mission_ended")
     def close(self, summary: Mapping[str, Any]) -> None:
         """Write the recorded data; the summary first, since the disk may be full.
 

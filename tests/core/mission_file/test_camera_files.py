@@ -11,7 +11,7 @@ import pytest
 
 from star_core import Camera, InputError, Registry, load
 from star_core.commands.main import main
-from star_core.metrics.manifest import manifest
+from star_core.records.manifest import manifest
 from star_yaml import schema
 from star_yaml.editor_schema import for_editors
 

@@ -22,7 +22,7 @@ from star_bench.table import (
     rows,
     time_ratio,
 )
-from star_core.metrics.conflicts import MAX_WAIT, WAITING_DISTANCE
+from star_metrics.deadlocks import MAX_WAIT, WAITING_DISTANCE
 
 TWO = level([(0, 0), (0, 5)], [(3, 4), (1, 5)], about="Two go 5 m and 1 m.")
 TWICE = Scenario(

@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from star_core import AgentPhase, Goals, Paths, Tick
-from star_core.geometry.neighbours import Pairs
-from star_core.metrics.conflicts import WAITING_DISTANCE, Deadlocks, waiting
+from star_core.toolkit import Pairs
+from star_metrics.deadlocks import WAITING_DISTANCE, Deadlocks, waiting
 
 Track = Callable[[float], float]
 NO_PATHS = Paths(np.zeros(0, np.int64), np.zeros((0, 3)))
@@ -42,7 +42,7 @@ def flown(
             estimate=SimpleNamespace(position=position),
             plan=SimpleNamespace(paths=paths, setpoint=setpoint),
         )
-        found.add(cast("Tick", tick), Pairs.of(position, WAITING_DISTANCE))
+        found.add(cast("Tick", tick))
     return found
 
 

@@ -2,35 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
-from star_core.messages.arrays import Array, Rows
+from star_core.messages.arrays import Rows
 from star_core.messages.telemetry import Sightings
 from star_core.scene import Scene
 
 MIN_SIGHTINGS: Final = 3  # images by one agent, after which a target is found: one may be misread
-
-
-@dataclass(frozen=True, slots=True)
-class Found:
-    """A target that was found.
-
-    Attributes:
-        name: In the world file.
-        finder: Name of the agent that found it.
-        time: Mission time at which it was found, s.
-        position: (3,) estimated position, map frame, m.
-        error: Of that position, m.
-    """
-
-    name: str
-    finder: str
-    time: float
-    position: Array
-    error: float
 
 
 class Targets:
@@ -80,17 +60,21 @@ class Targets:
                 new.append((self.names[target], self._scene.agents[agent].name))
         return new
 
-    def found(self) -> list[Found]:
-        """Return every target that was found, in the order of the world."""
+    def summary(self) -> dict[str, Any]:
+        """Return ``targets`` of the summary: those that were found, in the order of the world."""
         off = self._off / np.maximum(self._weight, np.finfo(float).tiny)[:, None]
-        return [
-            Found(
-                name=name,
-                finder=self._scene.agents[self.finder[i]].name,
-                time=float(self._when[i]),
-                position=self._first[i] + off[i],
-                error=float(np.linalg.norm(off[i])),
-            )
-            for i, name in enumerate(self.names)
-            if self.finder[i] >= 0
-        ]
+        rows = np.flatnonzero(self.finder >= 0).tolist()
+        return {
+            "found": len(rows),
+            "total": len(self.names),
+            "list": [
+                {
+                    "name": self.names[row],
+                    "finder": self._scene.agents[self.finder[row]].name,
+                    "time_s": float(self._when[row]),
+                    "position_m": (self._first[row] + off[row]).tolist(),
+                    "error_m": float(np.linalg.norm(off[row])),
+                }
+                for row in rows
+            ],
+        }

@@ -7,12 +7,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from star_core.geometry.neighbours import Pairs
-from star_core.messages.arrays import Array, Rows, every
-from star_core.messages.events import Event, Tick
-from star_core.messages.position_margin import position_margin
-from star_core.messages.state import AgentPhase
-from star_core.scene import Scene
+from star_core import AgentPhase, Array, Rows, Scene, Tick
+from star_core.toolkit import Pairs, position_margin
 
 PERIOD: Final = 1.0  # s, between two samples: noise of velocities averages out
 WINDOW: Final = 10.0  # s, over which speeds are averaged
@@ -20,6 +16,7 @@ SAMPLES: Final = round(WINDOW / PERIOD) + 1
 STANDING_SPEED: Final = 0.1  # m/s, mean over the ground, below which an agent stands
 FAR: Final = 0.3  # m from the goal
 MIN_SHARE: Final = 0.5  # of the agents with far goals, above which it is a jam
+NEAR: Final = 1.8  # m, between two agents that brake for each other at 0.5 m/s
 NARROW: Final = 0.5  # share of the separation from which on margins are the cause
 
 
@@ -48,15 +45,10 @@ class Jams:
         self._due = -np.inf  # s, time of the next sample
         self.count = 0
 
-    def add(self, tick: Tick, near: Pairs) -> Event | None:
-        """Return the event of a jam that begins at a tick.
-
-        Args:
-            tick: Of the flight.
-            near: Pairs of agents near each other, by estimated positions.
-        """
+    def add(self, tick: Tick) -> tuple[str, dict[str, Any]] | None:
+        """Return text and details of the event of a jam that begins at a tick."""
         velocity = tick.estimate.velocity
-        if not every(np.isfinite(velocity)):
+        if not np.isfinite(velocity).all():
             velocity = np.nan_to_num(velocity)
         self._flown = self._flown + (tick.time - self._time) * velocity[:, :2]
         self._time = tick.time
@@ -80,9 +72,10 @@ class Jams:
         if not begins:
             return None
         self.count += 1
-        return self._event(tick, np.flatnonzero(standing), number, near)
+        return self._described(tick, np.flatnonzero(standing), number)
 
-    def _event(self, tick: Tick, rows: Rows, number: int, near: Pairs) -> Event:
+    def _described(self, tick: Tick, rows: Rows, number: int) -> tuple[str, dict[str, Any]]:
+        near = Pairs.of(tick.estimate.position, NEAR)
         limits, names = self._scene.limits, self._scene.names
         standing = f"{len(rows)} of {number} agents with far goals have stood for {WINDOW:g} s"
         details: dict[str, Any] = {"agents": [names[row] for row in rows], "time_s": tick.time}
@@ -118,4 +111,4 @@ class Jams:
                 text = f"{where}: limits.separation and the avoider's distances leave no way"
         details["cause"] = cause
         names_of = self._scene.named(rows.tolist())
-        return Event(tick.time, "jam", f"jam: {standing}: {names_of}; {text}", details=details)
+        return f"jam: {standing}: {names_of}; {text}", details

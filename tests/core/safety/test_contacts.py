@@ -12,10 +12,10 @@ import pytest
 
 from star_core import AgentPhase, Array, Estimate, Event, Obstacle, Scene, Tick, Truth
 from star_core.geometry.neighbours import Pairs
-from star_core.metrics.conflicts import Contacts
+from star_core.safety.contacts import Contacts
 from star_core.testing import estimate, scene
 from tests.core.conftest import Lab
-from tests.core.metrics.test_summary import PERIOD, PILLAR, tick
+from tests.core.records.test_summary import PERIOD, PILLAR, tick
 
 FLYING, GROUNDED = AgentPhase.FLYING, AgentPhase.GROUNDED
 SEPARATION = 0.2  # m, the scene's limit
@@ -143,7 +143,8 @@ def test_agents_that_stand_close_to_each_other_on_the_ground_do_not_approach() -
 
 def test_without_ground_truth_incidents_are_marked_as_estimated() -> None:
     contacts, seen = followed(pair(0.5, 0.1), truth=False)
-    ((incident,),) = [found for found in seen if found]
+    (note,), (incident,) = [found for found in seen if found]
+    assert note.kind == "no_truth"
     assert (incident.details or {})["from"] == "estimate"
     assert incident.text.endswith(" (estimated positions)")
     assert contacts.source == "estimate"

@@ -11,10 +11,8 @@ import numpy as np
 import pytest
 
 from star_core import AgentPhase, Array, Event, Goals, Limits, Registry, Tick, fly, load
-from star_core.geometry.neighbours import Pairs
-from star_core.metrics.conflicts import WAITING_DISTANCE
-from star_core.metrics.jams import Jams
 from star_core.testing import scene
+from star_metrics.jams import Jams
 
 
 def flown(
@@ -45,9 +43,9 @@ def flown(
                 position=position, velocity=velocity, covariance=covariances(n, std)
             ),
         )
-        near = Pairs.of(position, WAITING_DISTANCE)
-        if event := jams.add(cast("Tick", tick), near):
-            events.append(event)
+        if jam := jams.add(cast("Tick", tick)):
+            text, details = jam
+            events.append(Event(float(time), "jam", text, details=details))
     return jams, events
 
 
@@ -58,7 +56,6 @@ def covariances(n: int, std: float) -> Array:
 def test_a_swarm_that_stands_is_a_jam_once() -> None:
     jams, events = flown([0.0, 0.0, 0.0, 0.5], 60.0)
     assert jams.count == len(events) == 1
-    assert events[0].kind == "jam"
     assert 10 <= events[0].time <= 12
     assert events[0].details is not None
     assert events[0].details["agents"] == ["cf1", "cf2", "cf3"]

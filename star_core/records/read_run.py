@@ -15,9 +15,9 @@ from star_core.errors import ContractError, InputError
 from star_core.formats import format_function
 from star_core.messages.arrays import Array
 from star_core.messages.telemetry import Detections
-from star_core.metrics import record_files
-from star_core.metrics.planned_paths import PlannedPaths
-from star_core.metrics.record_files import (
+from star_core.records import record_files
+from star_core.records.planned_paths import PlannedPaths
+from star_core.records.record_files import (
     MANIFEST,
     SUMMARY,
     check_arrays,

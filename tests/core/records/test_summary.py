@@ -1,4 +1,4 @@
-"""Known tracks, and the figures that a flight along them leaves."""
+"""Known tracks, and what the core reports of a flight along them."""
 
 from __future__ import annotations
 
@@ -17,8 +17,7 @@ from star_core import AgentPhase, Array, Corrected, Event, Fence, Obstacle, Tick
 from star_core.geometry.neighbours import Pairs
 from star_core.messages.state import Goals, Paths, Plan, Setpoint
 from star_core.messages.telemetry import Telemetry
-from star_core.metrics.summary import FlightMetrics
-from star_core.metrics.targets import Targets
+from star_core.records.summary import FlightSummary, event_records
 from star_core.testing import estimate, health, scene
 
 PERIOD = 0.05  # s, of the scene
@@ -54,41 +53,34 @@ def measured(
     truth: Any,
     *,
     seen: Any = None,
-    phases: Sequence[AgentPhase] | None = None,
     obstacles: tuple[Obstacle, ...] = (),
     known: bool = True,
-    events: Sequence[Event] = (),
 ) -> dict[str, Any]:
     """The summary of a flight of ticks 0.05 s apart.
 
     Args:
         truth: (T, N, 3) where the agents are, m.
         seen: (T, N, 3) where they are believed to be, m; where they are if not given.
-        phases: (T) the phase of all agents at each tick; flying if not given.
         obstacles: In the room.
         known: Whether the truth is known.
-        events: What happened.
     """
     track = np.array(truth, np.float64)
     t, n, _ = track.shape
     room = World("room", Fence((-99.0, -99.0, -99.0), (99.0, 99.0, 99.0)), obstacles)
     furnished = replace(scene(n), world=room)
-    meter = FlightMetrics(furnished)
+    meter = FlightSummary(furnished)
     for k in range(t):
-        phase = [FLYING if phases is None else phases[k]] * n
         where = track[k] if seen is None else np.array(seen)[k]
-        now = tick(k * PERIOD, where, track[k] if known else None, phase)
+        now = tick(k * PERIOD, where, track[k] if known else None, [FLYING] * n)
         add(meter, now)
-    return summed(meter, events)
+    return summed(meter)
 
 
-def add(meter: FlightMetrics, now: Tick) -> None:
-    meter.add(now, Pairs.of(now.estimate.position, meter.reach))
+def add(meter: FlightSummary, now: Tick) -> None:
+    meter.add(now, Pairs.of(now.estimate.position, meter.contacts.reach))
 
 
-def summed(
-    meter: FlightMetrics, events: Sequence[Event] = (), wall_time: float = 2.0
-) -> dict[str, Any]:
+def summed(meter: FlightSummary, wall_time: float = 2.0) -> dict[str, Any]:
     """The summary of what was measured in some time by the clock on the wall, s."""
     return meter.summary(
         mission="m",
@@ -97,8 +89,7 @@ def summed(
         wall_time=wall_time,
         took={},
         steps=[],
-        targets=Targets(scene(1)),
-        events=events,
+        targets={"found": 0, "total": 0, "list": []},
     )
 
 
@@ -161,12 +152,6 @@ def test_an_agent_that_is_nowhere_is_near_no_agent() -> None:
 def test_separation_is_that_of_the_estimate_when_there_is_no_truth() -> None:
     summary = measured(apart(2.0), seen=apart(1.0), known=False)
     assert summary["min_separation_m"] == pytest.approx(1.0)
-
-
-def test_the_error_is_in_space() -> None:
-    summary = measured([[[0, 0, 1]]], seen=[[[0.2, 0.3, 1.6]]])
-    assert summary["position_rmse_m"] == pytest.approx(0.7)
-    assert summary["position_worst_m"] == pytest.approx(0.7)
 
 
 def test_separation_is_that_of_the_truth_when_there_is_one() -> None:
@@ -238,77 +223,6 @@ def test_clearance_is_that_of_the_agents_that_are_somewhere() -> None:
     assert summary["min_clearance_m"] == pytest.approx(1.0)
 
 
-# Errors and lengths
-
-
-def test_the_position_error_is_that_of_the_estimate_from_the_truth() -> None:
-    truth = [[[0, 0, 1], [0, 1, 1]]] * 2
-    seen = [[[0, 0, 1], [0.3, 1.4, 1]], [[0, 0, 1], [0, 1, 1]]]
-    summary = measured(truth, seen=seen)
-    assert summary["position_mse_m2"] == {
-        "mean": pytest.approx(0.25 / 4),
-        "std": pytest.approx(np.std([0, 0.25, 0, 0])),
-        "per_agent": {"cf1": 0.0, "cf2": pytest.approx(0.125)},
-    }
-    assert summary["position_rmse_m"] == pytest.approx(0.25)
-    assert summary["position_worst_m"] == pytest.approx(0.5)
-
-
-def test_the_position_error_of_an_agent_that_is_lost_in_the_air_counts_where_it_is_known() -> None:
-    truth = [[[0.0, 0.0, 1.0]]] * 5
-    unknown = [[np.nan, 0.0, 1.0]]
-    seen = [[[7.0, 0.0, 1.0]], [[0.5, 0.0, 1.0]], [[1.5, 0.0, 1.0]], unknown, [[9.0, 0.0, 1.0]]]
-    phases = [AgentPhase.LOST, FLYING, AgentPhase.LOST, AgentPhase.LOST, LANDING]
-    summary = measured(truth, seen=seen, phases=phases)
-    assert summary["position_mse_m2"]["mean"] == pytest.approx((0.25 + 2.25) / 2)
-    assert summary["position_worst_m"] == pytest.approx(1.5)
-
-
-def test_the_position_error_counts_from_the_end_of_take_off_to_the_start_of_landing() -> None:
-    truth = [[[0.0, 0.0, 1.0]]] * 4
-    seen = [[[9.0, 0.0, 1.0]], [[0.5, 0.0, 1.0]], [[0.5, 0.0, 1.0]], [[9.0, 0.0, 1.0]]]
-    phases = [AgentPhase.TAKING_OFF, FLYING, FLYING, LANDING]
-    assert measured(truth, seen=seen, phases=phases)["position_rmse_m"] == pytest.approx(0.5)
-
-
-def test_an_agent_that_never_flew_has_no_position_error() -> None:
-    meter = FlightMetrics(scene(2))
-    both = [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0]]
-    add(meter, tick(0.0, both, both, [FLYING, AgentPhase.GROUNDED]))
-    summary = summed(meter)
-    assert summary["position_mse_m2"]["per_agent"] == {"cf1": 0.0, "cf2": None}
-
-
-@pytest.mark.parametrize("phase", [FLYING, LANDING])
-def test_there_is_no_position_error_without_truth_or_without_flight(phase: AgentPhase) -> None:
-    summary = measured(apart(1.0), phases=[phase], known=phase is LANDING)
-    assert (summary["position_mse_m2"], summary["position_rmse_m"]) == (None, None)
-
-
-def test_the_path_is_as_long_as_its_legs_together() -> None:
-    track = [[[0, 0, 0], [5, 5, 0]], [[3, 4, 0], [5, 5, 0]], [[3, 4, 2], [5, 6, 0]]]
-    assert measured(track)["path_length_m"] == {
-        "total": pytest.approx(8.0),
-        "per_agent": {"cf1": pytest.approx(7.0), "cf2": pytest.approx(1.0)},
-    }
-
-
-def test_the_path_leaves_out_where_an_agent_was_nowhere() -> None:
-    track = [[[0, 0, 0]], [[1, 0, 0]], [[np.nan] * 3], [[5, 0, 0]], [[5, 2, 0]]]
-    assert measured(track, known=False)["path_length_m"]["total"] == pytest.approx(3.0)
-
-
-@pytest.mark.parametrize(("other", "total"), [(0.0, 1.0), (np.nan, None)])
-def test_the_path_of_an_agent_whose_position_was_never_known_is_unknown(
-    other: float, total: float | None
-) -> None:
-    track = [[[np.nan] * 3, [other, x, 0]] for x in (0.0, 0.5, 1.0)]
-    assert measured(track)["path_length_m"] == {
-        "total": total,
-        "per_agent": {"cf1": None, "cf2": total},
-    }
-
-
 # The rest
 
 
@@ -319,7 +233,7 @@ def test_the_flight_lasts_from_its_first_tick_to_its_last() -> None:
 
 
 def test_the_time_before_the_first_tick_is_no_flight() -> None:
-    meter = FlightMetrics(scene(1))
+    meter = FlightSummary(scene(1))
     for time in (5.0, 7.5):
         add(meter, tick(time, [[0, 0, 1]], None, [FLYING]))
     summary = summed(meter)
@@ -328,7 +242,7 @@ def test_the_time_before_the_first_tick_is_no_flight() -> None:
 
 def test_events_are_kept_in_order_and_without_what_they_lack() -> None:
     events = [Event(0.5, "failure", "cf1 is lost", "cf1"), Event(0.6, "step", "done")]
-    assert measured(apart(1.0), events=events)["events"] == [
+    assert event_records(events) == [
         {"time": 0.5, "kind": "failure", "text": "cf1 is lost", "agent": "cf1"},
         {"time": 0.6, "kind": "step", "text": "done"},
     ]
@@ -343,7 +257,7 @@ def test_a_summary_is_plain_json(n: int) -> None:
 
 
 def test_a_flight_without_a_tick_has_a_summary_too() -> None:
-    meter = FlightMetrics(scene(2))
+    meter = FlightSummary(scene(2))
     summary = summed(meter, wall_time=0.0)
     assert json.loads(json.dumps(summary, allow_nan=False)) == summary
     assert summary["realtime_factor"] is None

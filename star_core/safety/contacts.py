@@ -1,9 +1,8 @@
-"""Conflicts between agents: collisions and close approaches, waits and deadlocks."""
+"""Collisions, which fail missions, and close approaches of agents."""
 
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
@@ -13,21 +12,13 @@ import numpy as np
 from star_core.geometry.neighbours import Pairs
 from star_core.messages.arrays import Array, Mask, some
 from star_core.messages.events import Event, Tick
-from star_core.messages.state import AIRBORNE, AgentPhase, Paths, among
+from star_core.messages.state import AIRBORNE, among
 from star_core.scene import Scene
 from star_core.world.world import CONTACT_RADIUS
 
 HYSTERESIS: Final = 0.02  # m beyond the limit at which a close approach is over
 COLLISION_DISTANCE: Final = 2 * CONTACT_RADIUS  # m between two agents
-MAX_WAIT: Final = 5.0  # s without progress
-MIN_PROGRESS: Final = 0.05  # m closer to the goal than before, or than `RECENT` s ago
-SAMPLE_PERIOD: Final = 0.25  # s
-RECENT: Final = 1.0  # s; an agent that got closer since then is moving
-ARRIVED: Final = 0.3  # m; no deadlock this close to the goal, where agents queue for a tight spot
-WAITING_DISTANCE: Final = 1.5
-"""Distance within which an agent can wait for another, m: two that meet at 0.5 m/s need it
-to react, to brake and to let one pass. An unrelated agent that progresses moves away, after which
-the deadlock is counted."""
+NO_TRUTH: Final = "no ground truth: separation and collisions are computed from estimated positions"
 
 
 @dataclass(slots=True)
@@ -81,6 +72,7 @@ class Contacts:
         self._approaches: dict[tuple[int, int], _Approach] = {}
         self._sources = {"ground_truth": 0, "estimate": 0}  # ticks with an agent in the air
         self._source = "estimate"  # of the tick
+        self._reported_no_truth = False
         self._time = 0.0  # s, of the tick
         self.agent_agent = 0
         self.agent_obstacle = 0
@@ -105,6 +97,8 @@ class Contacts:
     def update(self, tick: Tick, near: Pairs) -> list[Event]:
         """Return the collisions that begin at a tick, and the close approaches that are over.
 
+        The first tick without ground truth is an event too.
+
         Args:
             tick: Of the flight.
             near: Pairs of agents within `reach`, at least, by the positions that are used.
@@ -114,7 +108,12 @@ class Contacts:
         self._time = tick.time
         self._source = "estimate" if tick.truth is None else "ground_truth"
         self._sources[self._source] += some(airborne)
+        events = []
+        if tick.truth is None and not self._reported_no_truth:
+            self._reported_no_truth = True
+            events.append(Event(tick.time, "no_truth", NO_TRUTH))
         return [
+            *events,
             *self._between_agents(near, known.position, known.velocity, airborne),
             *self._with_obstacles(known.position, known.velocity),
         ]
@@ -237,129 +236,3 @@ class Contacts:
 
 def _point(position: Array) -> str:
     return "[" + ", ".join(f"{value:.2f}" for value in position) + "]"
-
-
-class Deadlocks:
-    """Counts agents that make no progress: all as waits, and some of them as deadlocks.
-
-    An agent waits if it has not arrived and got no closer to its goal for `MAX_WAIT`, measured
-    along the rest of its planned path. Agents whose goals move are not considered.
-
-    It waits for the agents ahead of it, within `WAITING_DISTANCE`, and transitively for those that
-    these wait for. While any of them has progressed within `MAX_WAIT`, or is moving to its goal,
-    the wait can end: a queue, or an agent that gave way and comes back. Otherwise it is a deadlock:
-    no active agent can be reached in the wait-for graph. An agent that stands still with no agent
-    ahead, or only with agents that have arrived, is in a deadlock too; so is one that moves back
-    and forth, at its next turn.
-
-    Args:
-        agents: Number of agents.
-
-    Attributes:
-        waits: Number of waits; one ends when the agent progresses.
-        count: Number of waits that became deadlocks.
-    """
-
-    def __init__(self, agents: int) -> None:
-        self.waits = 0
-        self.count = 0
-        self._goal = np.full((agents, 3), np.nan)
-        self._best = np.full(agents, np.inf)  # m, least remaining distance so far
-        self._recent: deque[Array] = deque(maxlen=round(RECENT / SAMPLE_PERIOD))  # m, remaining
-        self._since = np.zeros(agents)  # s, of the last progress
-        self._waits = np.zeros(agents, np.bool_)  # has been counted
-        self._deadlocked = np.zeros(agents, np.bool_)  # has been counted
-        self._due = -np.inf  # s, time of the next sample
-
-    def add(self, tick: Tick, near: Pairs) -> None:
-        """Count the waits and deadlocks that begin at a tick.
-
-        Args:
-            tick: Of the flight.
-            near: Pairs of agents within `WAITING_DISTANCE`, at least, by estimated positions.
-        """
-        if tick.time < self._due:
-            return
-        self._due = tick.time + SAMPLE_PERIOD
-        goals = tick.goals
-        flies = goals.active & (tick.health.phase == int(AgentPhase.FLYING))
-        goal = np.where(flies[:, None], goals.position, np.nan)
-        new = ~(goal == self._goal).all(axis=1)
-        self._goal = goal
-        remaining = remaining_distance(tick.estimate.position, goals.position, tick.plan.paths)
-        better = new | ~(remaining > self._best - MIN_PROGRESS)
-        self._best = np.where(better, remaining, self._best)
-        self._since = np.where(better, tick.time, self._since)
-        patient = tick.time - self._since <= MAX_WAIT
-        progressing = (
-            flies & (patient | (remaining < self._recent[0] - MIN_PROGRESS))
-            if self._recent
-            else flies
-        )
-        self._recent.append(remaining)
-        stuck = flies & ~patient & (remaining > ARRIVED)
-        self.waits += int((stuck & ~self._waits).sum())
-        self._waits = (self._waits | stuck) & ~better
-        if stuck.any():
-            wanted = tick.plan.setpoint.velocity
-            near = near.within(WAITING_DISTANCE)
-            stuck &= ~waiting(near, tick.estimate.position, wanted, progressing)
-        self.count += int((stuck & ~self._deadlocked).sum())
-        self._deadlocked = (self._deadlocked | stuck) & ~better
-
-
-def waiting(near: Pairs, position: Array, wanted: Array, progressing: Mask) -> Mask:
-    """Return (N,) which agents progress, or wait (transitively) for one that does.
-
-    Args:
-        near: Pairs of agents that can wait for each other.
-        position: (N, 3) of the agents, m.
-        wanted: (N, 3) planned velocities, m/s.
-        progressing: (N,) which agents progress.
-
-    Example:
-        >>> queue = np.array([[0.0, 0, 0], [0.5, 0, 0], [1, 0, 0]])
-        >>> near = Pairs.of(queue, WAITING_DISTANCE)
-        >>> waiting(near, queue, np.array([[1.0, 0, 0]] * 3), np.array([False, False, True]))
-        array([ True,  True,  True])
-        >>> waiting(near, queue, np.array([[1.0, 0, 0]] * 3), np.array([True, False, False]))
-        array([ True, False, False])
-    """
-    first, second = near.first, near.second
-    waits, ahead = np.concatenate([first, second]), np.concatenate([second, first])
-    towards = np.vecdot(position[ahead] - position[waits], wanted[waits]) > 0
-    waits, ahead = waits[towards], ahead[towards]
-    answer = progressing.copy()
-    while (more := answer[ahead] & ~answer[waits]).any():
-        answer[waits[more]] = True
-    return answer
-
-
-def remaining_distance(position: Array, goal: Array, paths: Paths) -> Array:
-    """Return the distances to goals along planned paths, or straight where none is planned.
-
-    Args:
-        position: (N, 3) of the agents, m.
-        goal: (N, 3) of the agents, m.
-        paths: The points of each agent's path, in order.
-
-    Returns:
-        (N,) m.
-
-    Example:
-        >>> corner = Paths(np.array([0, 0]), np.array([[3.0, 0, 0], [3, 4, 0]]))
-        >>> remaining_distance(np.zeros((2, 3)), np.array([[3.0, 4, 0], [0, 2, 0]]), corner)
-        array([7., 2.])
-    """
-    distance: Array = np.linalg.norm(goal - position, axis=1)
-    rows = paths.agent
-    if not len(rows):
-        return distance
-    before = np.roll(paths.point, 1, axis=0)
-    first = np.roll(rows, 1) != rows
-    first[0] = True
-    before[first] = position[rows[first]]
-    along = np.zeros(len(distance))
-    np.add.at(along, rows, np.linalg.norm(paths.point - before, axis=1))
-    distance[rows] = along[rows]
-    return distance

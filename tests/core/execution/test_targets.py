@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from star_core import Fence, Sightings, Tag, World
-from star_core.metrics.targets import MIN_SIGHTINGS, Targets
+from star_core.execution.targets import MIN_SIGHTINGS, Targets
 from star_core.testing import scene
 
 LEVEL = (0.0, 0.0, 0.0, 1.0)
@@ -45,8 +45,8 @@ def test_a_target_is_found_once_by_the_agent_that_is_sure_first() -> None:
         new += seen.add(sighting(1, 40), k)
     assert new == [("bag", "cf1")]
     assert seen.finder.tolist() == [0, -1]
-    (found,) = seen.found()
-    assert (found.name, found.finder, found.time) == ("bag", "cf1", MIN_SIGHTINGS - 1)
+    (found,) = seen.summary()["list"]
+    assert (found["name"], found["finder"], found["time_s"]) == ("bag", "cf1", MIN_SIGHTINGS - 1)
 
 
 def test_one_image_is_not_enough() -> None:
@@ -61,10 +61,10 @@ def test_its_place_is_the_mean_of_what_was_seen_by_how_sure_that_is() -> None:
     for k in range(MIN_SIGHTINGS):
         seen.add(sighting(0, 40, 0.3, deviation=0.2), k)
         seen.add(sighting(1, 41, -0.1, deviation=0.1), k)
-    (found,) = seen.found()
+    (found,) = seen.summary()["list"]
     off = (0.3 / 4 - 0.1) / (1 / 4 + 1)  # weighed by 1 / variance
-    assert found.position == pytest.approx([1.0 + off, 0.0, 0.0])
-    assert found.error == pytest.approx(abs(off))
+    assert found["position_m"] == pytest.approx([1.0 + off, 0.0, 0.0])
+    assert found["error_m"] == pytest.approx(abs(off))
 
 
 @pytest.mark.parametrize("tag", [7, 40], ids=["no target", "nowhere"])
@@ -72,4 +72,4 @@ def test_what_is_no_target_or_nowhere_is_passed_over(tag: int) -> None:
     seen = targets()
     for k in range(MIN_SIGHTINGS):
         assert seen.add(sighting(0, tag, deviation=np.nan if tag == 40 else 0.1), k) == []
-    assert seen.found() == []
+    assert seen.summary() == {"found": 0, "total": 2, "list": []}

@@ -1,1 +1,0 @@
-"""What is measured of a flight, and what is recorded of how it was set up."""

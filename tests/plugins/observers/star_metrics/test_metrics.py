@@ -1,0 +1,151 @@
+"""Known tracks, and what is measured of a flight along them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from star_core import AgentPhase, Registry, fly, load
+from star_core.testing import scene
+from star_metrics.metrics import FlightMetrics
+from tests.core.records.test_summary import FLYING, LANDING, PERIOD, apart, tick
+
+KEYS = (
+    *("deadlocks", "waits", "jams", "path_length_m"),
+    *("position_mse_m2", "position_rmse_m", "position_worst_m", "position_nees"),
+)
+
+
+def measured(
+    truth: Any,
+    *,
+    seen: Any = None,
+    phases: Sequence[AgentPhase] | None = None,
+    known: bool = True,
+) -> dict[str, Any]:
+    """What is measured of a flight of ticks 0.05 s apart.
+
+    Args:
+        truth: (T, N, 3) positions of the agents, m.
+        seen: (T, N, 3) estimated positions, m; the true ones if not given.
+        phases: (T) the phase of all agents at each tick; flying if not given.
+        known: Whether there is a ground truth.
+    """
+    track = np.array(truth, np.float64)
+    t, n, _ = track.shape
+    metrics = FlightMetrics(scene(n), print)
+    for k in range(t):
+        phase = [FLYING if phases is None else phases[k]] * n
+        where = track[k] if seen is None else np.array(seen)[k]
+        metrics.star_ticked(tick(k * PERIOD, where, track[k] if known else None, phase))
+    return metrics.star_summary()
+
+
+def test_the_error_is_in_space() -> None:
+    summary = measured([[[0, 0, 1]]], seen=[[[0.2, 0.3, 1.6]]])
+    assert summary["position_rmse_m"] == pytest.approx(0.7)
+    assert summary["position_worst_m"] == pytest.approx(0.7)
+
+
+def test_the_position_error_is_that_of_the_estimate_from_the_truth() -> None:
+    truth = [[[0, 0, 1], [0, 1, 1]]] * 2
+    seen = [[[0, 0, 1], [0.3, 1.4, 1]], [[0, 0, 1], [0, 1, 1]]]
+    summary = measured(truth, seen=seen)
+    assert summary["position_mse_m2"] == {
+        "mean": pytest.approx(0.25 / 4),
+        "std": pytest.approx(np.std([0, 0.25, 0, 0])),
+        "per_agent": {"cf1": 0.0, "cf2": pytest.approx(0.125)},
+    }
+    assert summary["position_rmse_m"] == pytest.approx(0.25)
+    assert summary["position_worst_m"] == pytest.approx(0.5)
+
+
+def test_the_position_error_of_an_agent_that_is_lost_in_the_air_counts_where_it_is_known() -> None:
+    truth = [[[0.0, 0.0, 1.0]]] * 5
+    unknown = [[np.nan, 0.0, 1.0]]
+    seen = [[[7.0, 0.0, 1.0]], [[0.5, 0.0, 1.0]], [[1.5, 0.0, 1.0]], unknown, [[9.0, 0.0, 1.0]]]
+    phases = [AgentPhase.LOST, FLYING, AgentPhase.LOST, AgentPhase.LOST, LANDING]
+    summary = measured(truth, seen=seen, phases=phases)
+    assert summary["position_mse_m2"]["mean"] == pytest.approx((0.25 + 2.25) / 2)
+    assert summary["position_worst_m"] == pytest.approx(1.5)
+
+
+def test_the_position_error_counts_from_the_end_of_take_off_to_the_start_of_landing() -> None:
+    truth = [[[0.0, 0.0, 1.0]]] * 4
+    seen = [[[9.0, 0.0, 1.0]], [[0.5, 0.0, 1.0]], [[0.5, 0.0, 1.0]], [[9.0, 0.0, 1.0]]]
+    phases = [AgentPhase.TAKING_OFF, FLYING, FLYING, LANDING]
+    assert measured(truth, seen=seen, phases=phases)["position_rmse_m"] == pytest.approx(0.5)
+
+
+def test_an_agent_that_never_flew_has_no_position_error() -> None:
+    metrics = FlightMetrics(scene(2), print)
+    both = [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0]]
+    metrics.star_ticked(tick(0.0, both, both, [FLYING, AgentPhase.GROUNDED]))
+    summary = metrics.star_summary()
+    assert summary["position_mse_m2"]["per_agent"] == {"cf1": 0.0, "cf2": None}
+
+
+@pytest.mark.parametrize("phase", [FLYING, LANDING])
+def test_there_is_no_position_error_without_truth_or_without_flight(phase: AgentPhase) -> None:
+    summary = measured(apart(1.0), phases=[phase], known=phase is LANDING)
+    assert (summary["position_mse_m2"], summary["position_rmse_m"]) == (None, None)
+
+
+def test_the_path_is_as_long_as_its_legs_together() -> None:
+    track = [[[0, 0, 0], [5, 5, 0]], [[3, 4, 0], [5, 5, 0]], [[3, 4, 2], [5, 6, 0]]]
+    assert measured(track)["path_length_m"] == {
+        "total": pytest.approx(8.0),
+        "per_agent": {"cf1": pytest.approx(7.0), "cf2": pytest.approx(1.0)},
+    }
+
+
+def test_the_path_leaves_out_where_an_agent_was_nowhere() -> None:
+    track = [[[0, 0, 0]], [[1, 0, 0]], [[np.nan] * 3], [[5, 0, 0]], [[5, 2, 0]]]
+    assert measured(track, known=False)["path_length_m"]["total"] == pytest.approx(3.0)
+
+
+@pytest.mark.parametrize(("other", "total"), [(0.0, 1.0), (np.nan, None)])
+def test_the_path_of_an_agent_whose_position_was_never_known_is_unknown(
+    other: float, total: float | None
+) -> None:
+    track = [[[np.nan] * 3, [other, x, 0]] for x in (0.0, 0.5, 1.0)]
+    assert measured(track)["path_length_m"] == {
+        "total": total,
+        "per_agent": {"cf1": None, "cf2": total},
+    }
+
+
+def test_a_flight_without_a_tick_has_measures_too() -> None:
+    summary = FlightMetrics(scene(2), print).star_summary()
+    assert summary["path_length_m"]["total"] == 0.0
+    assert summary["position_rmse_m"] is None
+
+
+def test_measures_are_plain_json() -> None:
+    summary = measured(np.zeros((3, 2, 3)))
+    assert json.loads(json.dumps(summary, allow_nan=False)) == summary
+
+
+def test_two_flights_of_a_process_are_measured_alike(missions: Path) -> None:
+    registry = Registry()
+    mission = load(missions / "first_flight.yaml", registry)
+    first, second = (fly(mission, registry) for _ in range(2))
+    assert first["position_rmse_m"] > 0
+    assert [first[key] for key in KEYS] == [second[key] for key in KEYS]
+
+
+def test_flights_without_the_plugin_have_unknown_measures(
+    missions: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("STAR_BLOCK_PLUGINS", "mcap,metrics")
+    registry = Registry()
+    summary = fly(load(missions / "first_flight.yaml", registry), registry)
+    assert summary["outcome"] == "completed"
+    assert {key: summary[key] for key in KEYS} == dict.fromkeys(KEYS) | {
+        "path_length_m": {"total": None, "per_agent": {}}
+    }
