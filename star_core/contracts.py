@@ -18,7 +18,12 @@ from typing import (
 )
 
 if TYPE_CHECKING:
-    from star_core.messages.commands import Command
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from star_core.messages.commands import Command, Trajectory
+    from star_core.messages.faults import Fault
+    from star_core.messages.rotations import Transform
     from star_core.messages.state import Estimate, Goals, Health, Plan, Setpoint, Truth
     from star_core.messages.telemetry import Corrections, Telemetry
 
@@ -27,20 +32,8 @@ if TYPE_CHECKING:
 class Transport(Protocol):
     """Carries telemetry from the agents, and setpoints and commands to them; owns the clock.
 
-    A simulation whose pace can be changed during a flight is `Paced`, too.
-
-    If its agents can fly trajectories on board it also has ``upload(trajectories)``: it is called
-    once, after `connect` and before anything moves, with a tuple of every `Trajectory` that a task
-    may order, if there is one. With a transport without it, such missions are not flown.
-
-    If it can simulate failing drones it also has ``inject(faults)``: it is called before `connect`
-    with every `Fault` of motors, batteries, flow sensors, gyros and rangers.
-
-    If it lands agents by itself when the flight fails it may have ``record_in(folder)``, called
-    once after `connect` if the flight is recorded, and ``note_frames(map_from_odom)``: the
-    `Transform` of `Estimate.map_from_odom`, last known for each agent, before each `send`. If it
-    still lands agents after `close` it may have ``await_landings()``, which returns when that is
-    over: ``star run`` calls it last, and Ctrl-C interrupts it.
+    It may have methods of `Paced`, `Uploads`, `InjectsFaults`, `Records`, `NotesFrames` and
+    `AwaitsLandings`, too.
     """
 
     def connect(self) -> None:
@@ -99,6 +92,51 @@ class Paced(Protocol):
     """
 
     speed: float | None
+
+
+@runtime_checkable
+class Uploads(Protocol):
+    """A transport whose agents fly trajectories on board; with another, such missions do not."""
+
+    def upload(self, trajectories: tuple[Trajectory, ...]) -> None:
+        """Upload every trajectory that a task may order: called once, after `connect`, if any."""
+        ...
+
+
+@runtime_checkable
+class InjectsFaults(Protocol):
+    """A transport that simulates failing drones."""
+
+    def inject(self, faults: Sequence[Fault]) -> None:
+        """Prepare faults of motors, batteries and sensors: called before `connect`."""
+        ...
+
+
+@runtime_checkable
+class Records(Protocol):
+    """A transport that writes files of its own."""
+
+    def record_in(self, folder: Path) -> None:
+        """Write them into a folder: called once after `connect`, if the flight is recorded."""
+        ...
+
+
+@runtime_checkable
+class NotesFrames(Protocol):
+    """A transport that lands agents by itself when the flight fails."""
+
+    def note_frames(self, map_from_odom: Transform) -> None:
+        """Note `Estimate.map_from_odom`, last known for each agent: called before each `send`."""
+        ...
+
+
+@runtime_checkable
+class AwaitsLandings(Protocol):
+    """A transport that still lands agents after `close`."""
+
+    def await_landings(self) -> None:
+        """Return when that is over: ``star run`` calls it last, and Ctrl-C interrupts it."""
+        ...
 
 
 @runtime_checkable
@@ -163,14 +201,10 @@ class TaskOutput:
 class Task(Protocol):
     """One running step of a mission: a verb, its agents and its options.
 
-    Agents can leave a mission, and reserves can replace them. A task may have
-    ``on_agents_removed(rows)``: continue with these agents; ``on_agent_replaced(old, new)``:
-    another agent replaces one; and ``on_agents_added(rows)``: continue with these, some of which
-    are new. Without the first two the core makes the task again; without the last, new agents wait
-    for the next step.
-
-    It may have ``continue_from(goals)``, called before `begin` with the `Goals` so far of the whole
-    swarm: an agent need not be exactly where it was sent.
+    Agents can leave a mission, and reserves can replace them: a task may have the methods of
+    `RemovesAgents`, `ReplacesAgents` and `AddsAgents`. Without the first two the core makes the
+    task again; without the last, new agents wait for the next step. It may have that of
+    `ContinuesFrom`, too.
 
     A task whose agents fly trajectories on board has ``trajectories``: a tuple of those, known when
     it is made. The core sends no setpoints to an agent that flies one, until it is over or the
@@ -186,4 +220,40 @@ class Task(Protocol):
 
     def step(self, estimate: Estimate, health: Health) -> TaskOutput:
         """Return the goals and commands of its agents in this tick, and the status of the task."""
+        ...
+
+
+@runtime_checkable
+class RemovesAgents(Protocol):
+    """A task that goes on with fewer agents."""
+
+    def on_agents_removed(self, rows: tuple[int, ...]) -> None:
+        """Continue with these agents."""
+        ...
+
+
+@runtime_checkable
+class ReplacesAgents(Protocol):
+    """A task that goes on with another agent."""
+
+    def on_agent_replaced(self, old: int, new: int) -> None:
+        """Continue with another agent in the place of one."""
+        ...
+
+
+@runtime_checkable
+class AddsAgents(Protocol):
+    """A task that goes on with more agents."""
+
+    def on_agents_added(self, rows: tuple[int, ...]) -> None:
+        """Continue with these agents, some of which are new."""
+        ...
+
+
+@runtime_checkable
+class ContinuesFrom(Protocol):
+    """A task that begins at the goals of the steps before: agents need not be exactly at them."""
+
+    def continue_from(self, goals: Goals) -> None:
+        """Note the goals of the whole swarm so far: called before `Task.begin`."""
         ...

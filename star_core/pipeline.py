@@ -2,16 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 import numpy as np
 
-from star_core.contracts import Avoider, Localizer, Paced, Planner, Transport
+from star_core.contracts import (
+    Avoider,
+    AwaitsLandings,
+    Localizer,
+    NotesFrames,
+    Paced,
+    Planner,
+    Records,
+    Transport,
+    Uploads,
+)
 from star_core.errors import PluginError
 from star_core.messages.arrays import Array, Mask
 from star_core.messages.commands import Command, Trajectory
@@ -45,7 +55,10 @@ from star_core.plugin_support.outputs import (
     checked_truth,
 )
 from star_core.registry import Registry
+from star_core.scene import Scene
 from star_core.toolkit.progress import Progress
+
+Value = TypeVar("Value")
 
 CONTRACTS: Final = {
     "transport": Transport,
@@ -53,6 +66,55 @@ CONTRACTS: Final = {
     "planner": Planner,
     "avoider": Avoider,
 }
+
+
+class PluginStage:
+    """A plugin of the pipeline, whose calls are guarded, timed and validated.
+
+    Args:
+        name: Kind, name and source of the plugin.
+        agents: Number of agents of the swarm.
+        watch: Measures the time spent in its calls.
+        strikes: Counts its failures in flight.
+
+    Attributes:
+        name: For messages.
+        plugin: Once it is made.
+        watch: As given.
+        making: Guards calls before and after the flight.
+    """
+
+    def __init__(self, name: str, agents: int, watch: Stopwatch, strikes: Strikes) -> None:
+        self.name, self.watch = name, watch
+        self.plugin: Any = None
+        self.making = PluginGuard(name, agents)
+        self._calling = PluginGuard(name, agents, watch)
+        self._strikes = strikes
+        self._tolerating = ToleratingGuard(self._calling, strikes)
+
+    def make(self, scene: Scene, spec: Any, options: Mapping[str, Any], contract: type) -> None:
+        """Make the plugin, and check that it has the methods of its contract."""
+        with self.making, Progress(f"preparing {self.name}"):
+            require_signature(spec.make, "make", ("scene",), options)
+            self.plugin = spec.make(scene, **options)
+            require_methods(self.plugin, contract)
+
+    def require(self, work: Callable[[], Value]) -> Value:
+        """Return the result of what calls the plugin and must not fail."""
+        with self._calling:
+            return work()
+
+    def attempt(self, work: Callable[[], Value], otherwise: Callable[[], Value]) -> Value:
+        """Return the result of what calls the plugin; of the other if a failure is tolerated."""
+        with self._tolerating:
+            return work()
+        return otherwise()
+
+    def strike(self, reason: str) -> None:
+        """Count a failure that only the outputs of several plugins show, as one that it raises."""
+        error = PluginError(f"{self.name}: {reason}")
+        if not self._strikes.tolerates(self.name, error):
+            raise error
 
 
 class PluginPipeline:
@@ -80,8 +142,6 @@ class PluginPipeline:
             for row, agent in enumerate(mission.scene.agents)
             if agent.camera is not None and agent.camera.pixels != "gray"
         }
-        self._plugins: dict[str, Any] = {}
-        self._making = {kind: PluginGuard(str(mission.parts[kind]), self._n) for kind in PARTS}
         self.compute_time = ComputeTime(
             mission.scene.period, realtime=mission.scene.realtime, brake=self._brake
         )
@@ -91,41 +151,37 @@ class PluginPipeline:
         self._sent: Setpoint | None = None  # without agents that have received a command since
         self._truth_failed = False
         self.safety_time = Stopwatch(perf_counter)
-        self._watches = {
-            kind: self.compute_time.of(guard.plugin, waits=kind == "transport")
-            for kind, guard in self._making.items()
-        }
-        self._calling = {
-            kind: PluginGuard(guard.plugin, self._n, self._watches[kind])
-            for kind, guard in self._making.items()
-        }
-        self._tolerating = {
-            kind: ToleratingGuard(guard, self.strikes) for kind, guard in self._calling.items()
-        }
+        self._stages = {kind: self._stage(kind, mission) for kind in PARTS}
+        self._transport, self._localizer, self._planner, self._avoider = map(
+            self._stages.__getitem__, ("transport", "localizer", "planner", "avoider")
+        )
         specs = {kind: registry.find(kind, mission.parts[kind].use).offer for kind in PARTS}
-        options = {kind: dict(mission.parts[kind].options) for kind in PARTS}
         self._check_goals = specs["planner"].check_goals
-        self._planner_options = options["planner"]
+        self._planner_options = dict(mission.parts["planner"].options)
         try:
-            for kind in PARTS:
-                with self._making[kind], Progress(f"preparing {self._making[kind].plugin}"):
-                    make = specs[kind].make
-                    require_signature(make, "make", ("scene",), options[kind])
-                    self._plugins[kind] = make(mission.scene, **options[kind])
-                    require_methods(self._plugins[kind], CONTRACTS[kind])
+            for kind, stage in self._stages.items():
+                options = dict(mission.parts[kind].options)
+                stage.make(mission.scene, specs[kind], options, CONTRACTS[kind])
         except BaseException:
             self.close()
             raise
+        transport = self._transport.plugin
+        self._notes_frames = transport if isinstance(transport, NotesFrames) else None
+
+    def _stage(self, kind: str, mission: Mission) -> PluginStage:
+        name = str(mission.parts[kind])
+        watch = self.compute_time.of(name, waits=kind == "transport")
+        return PluginStage(name, self._n, watch, self.strikes)
 
     @property
     def localizer(self) -> str:
         """The localizer with its distribution and version, for messages."""
-        return self._making["localizer"].plugin
+        return self._localizer.name
 
     @property
     def paced(self) -> Paced | None:
         """The transport, if it is a simulation whose speed can be changed."""
-        transport = self._plugins["transport"]
+        transport = self._transport.plugin
         return transport if isinstance(transport, Paced) else None
 
     def took(self) -> dict[str, float]:
@@ -134,7 +190,7 @@ class PluginPipeline:
         The transport is not in it: it also waits.
         """
         kinds = ("localizer", "planner", "avoider")
-        times = {kind: self._watches[kind].elapsed for kind in kinds}
+        times = {kind: self._stages[kind].watch.elapsed for kind in kinds}
         return times | {"safety": self.safety_time.elapsed}
 
     def connect(self, trajectories: Sequence[Trajectory], folder: Path | None = None) -> None:
@@ -142,28 +198,33 @@ class PluginPipeline:
 
         `folder` is that of the record, if there is one.
         """
-        transport = self._plugins["transport"]
-        with self._making["transport"], Progress(f"connecting to {self._n} agents"):
-            if trajectories and not hasattr(transport, "upload"):
+        transport = self._transport.plugin
+        uploads = isinstance(transport, Uploads)
+        with self._transport.making, Progress(f"connecting to {self._n} agents"):
+            if trajectories and not uploads:
                 raise PluginError("flies no trajectories on board")
             transport.connect()
             if trajectories:
                 transport.upload(trajectories)
-            if folder is not None and hasattr(transport, "record_in"):
+            if folder is not None and isinstance(transport, Records):
                 transport.record_in(folder)
 
     def wait(self, until: float) -> float:
         """Let time pass until `until`, s, and return the mission time it is then, s."""
-        with self._calling["transport"]:
-            return checked_time(self._plugins["transport"].wait(until), until)
+        wait = self._transport.plugin.wait
+        return self._transport.require(lambda: checked_time(wait(until), until))
 
     def receive(self) -> Telemetry:
         """Return what arrived since the last call: nothing new if the transport fails."""
-        with self._tolerating["transport"]:
-            telemetry = checked_telemetry(self._plugins["transport"].receive(), self._n)
-            self._telemetry = self._without_mosaics(telemetry) if self._mosaics else telemetry
-            return self._telemetry
-        self._telemetry = replace(
+        self._telemetry = self._transport.attempt(self._receive, self._nothing_received)
+        return self._telemetry
+
+    def _receive(self) -> Telemetry:
+        telemetry = checked_telemetry(self._transport.plugin.receive(), self._n)
+        return self._without_mosaics(telemetry) if self._mosaics else telemetry
+
+    def _nothing_received(self) -> Telemetry:
+        return replace(
             self._telemetry,
             age=self._telemetry.age + self._scene.period,
             odometry=Odometry.none(),
@@ -171,7 +232,6 @@ class PluginPipeline:
             detections=Detections.none(),
             refusals=(),
         )
-        return self._telemetry
 
     def _without_mosaics(self, telemetry: Telemetry) -> Telemetry:
         """Return telemetry whose images are gray, for localizers and observers."""
@@ -186,26 +246,31 @@ class PluginPipeline:
 
     def locate(self, telemetry: Telemetry) -> Estimate:
         """Estimate the positions of the agents: as in the last tick if the localizer fails."""
-        with self._tolerating["localizer"]:
-            answer = self._plugins["localizer"].locate(telemetry)
-            self._estimate = checked_location(answer, telemetry)
-            return self._estimate
-        return renewed(self._estimate, telemetry.time)
+        locate = self._localizer.plugin.locate
+        self._estimate = self._localizer.attempt(
+            lambda: checked_location(locate(telemetry), telemetry),
+            lambda: renewed(self._estimate, telemetry.time),
+        )
+        return self._estimate
 
     def plan(self, estimate: Estimate, goals: Goals) -> Plan:
         """Plan the next setpoint: none if the planner fails."""
-        with self._tolerating["planner"]:
-            return checked_plan(self._plugins["planner"].plan(estimate, goals), self._n)
-        return Plan.none(self._n)
+        plan = self._planner.plugin.plan
+        return self._planner.attempt(
+            lambda: checked_plan(plan(estimate, goals), self._n), lambda: Plan.none(self._n)
+        )
 
     def refuses(self, position: Array) -> Mask:
         """Return which positions, (K, 3) m, the planner would not fly to: (K,)."""
         refused = np.zeros(len(position), np.bool_)
         if self._check_goals is not None:
             goals = [(x, y, z) for x, y, z in position.tolist()]
-            with self._calling["planner"]:
+
+            def check() -> None:
                 for problem in self._check_goals(self._scene, goals, **self._planner_options):
                     refused[int(problem.path[0])] = True
+
+            self._planner.require(check)
         return refused
 
     def avoid(self, estimate: Estimate, wanted: Setpoint) -> Setpoint:
@@ -213,46 +278,45 @@ class PluginPipeline:
 
         If the avoider fails it is `wanted`: the tick then brakes all agents.
         """
-        with self._tolerating["avoider"]:
-            return checked_setpoint(self._plugins["avoider"].avoid(estimate, wanted), self._n)
-        return wanted
+        avoid = self._avoider.plugin.avoid
+        return self._avoider.attempt(
+            lambda: checked_setpoint(avoid(estimate, wanted), self._n), lambda: wanted
+        )
 
-    def fail(self, reasons: Mapping[str, str]) -> None:
-        """Count failures that only several outputs show, by kind, as those that plugins raise."""
-        for kind, reason in reasons.items():
-            with self._tolerating[kind]:
-                raise PluginError(reason)
+    def strike(self, kind: str, reason: str) -> None:
+        """Count a failure that only several outputs show, as one that the plugin raises."""
+        self._stages[kind].strike(reason)
 
     def command(self, command: Command) -> None:
         """Send a command whose positions are in odometry frames."""
-        with self._calling["transport"]:
-            self._plugins["transport"].command(command)
+        self._transport.require(lambda: self._transport.plugin.command(command))
         if self._sent is not None:
             others = ~np.isin(np.arange(self._n), command.agent)
             self._sent = replace(self._sent, active=self._sent.active & others)
 
     def correct(self, corrections: Corrections) -> None:
         """Send pose corrections to the on-board estimators, unless the transport fails."""
-        with self._tolerating["transport"]:
-            self._plugins["transport"].correct(corrections)
+        self._transport.attempt(lambda: self._transport.plugin.correct(corrections), _nothing)
 
     def send(self, setpoint: Setpoint, map_from_odom: Transform) -> Setpoint:
         """Send a setpoint in odometry frames; return the one that was sent, or is to be."""
-        transport = self._plugins["transport"]
-        with self._tolerating["transport"]:
-            self._sent = setpoint
-            if hasattr(transport, "note_frames"):
-                transport.note_frames(map_from_odom)
-            sent = transport.send(setpoint)
-            return setpoint if sent is setpoint else checked_setpoint(sent, self._n)
-        return setpoint
+        self._sent = setpoint
+        return self._transport.attempt(
+            lambda: self._send(setpoint, map_from_odom), lambda: setpoint
+        )
+
+    def _send(self, setpoint: Setpoint, map_from_odom: Transform) -> Setpoint:
+        if self._notes_frames is not None:
+            self._notes_frames.note_frames(map_from_odom)
+        sent = self._transport.plugin.send(setpoint)
+        return setpoint if sent is setpoint else checked_setpoint(sent, self._n)
 
     def _brake(self) -> None:
         """Let the agents that setpoints fly brake while another plugin hangs."""
         if self._sent is not None:
             with suppress(Exception):
                 still = np.zeros((self._n, 3))
-                self._plugins["transport"].send(replace(self._sent, velocity=still))
+                self._transport.plugin.send(replace(self._sent, velocity=still))
 
     def truth(self) -> Truth | None:
         """Return the ground truth, if there is one.
@@ -261,20 +325,24 @@ class PluginPipeline:
         """
         if self._truth_failed:
             return None
-        truth, self._truth_failed = None, True
-        with self._tolerating["transport"]:
-            truth = checked_truth(self._plugins["transport"].truth(), self._n)
+        self._truth_failed = True
+        truth = self._transport.attempt(
+            lambda: checked_truth(self._transport.plugin.truth(), self._n), _nothing
+        )
         self._truth_failed = False
         return truth
 
     def close(self) -> list[str]:
         """Close every plugin that has ``close()``; return their errors."""
-        return close_all((self._making[kind], plugin) for kind, plugin in self._plugins.items())
+        made = (stage for stage in self._stages.values() if stage.plugin is not None)
+        return close_all((stage.making, stage.plugin) for stage in made)
 
     def await_landings(self) -> None:
         """Wait for the transport to land, after the flight, what may be in the air."""
-        with self._making["transport"]:
-            getattr(self._plugins["transport"], "await_landings", lambda: None)()
+        transport = self._transport.plugin
+        if isinstance(transport, AwaitsLandings):
+            with self._transport.making:
+                transport.await_landings()
 
 
 def renewed(last: Estimate, time: float) -> Estimate:
@@ -286,3 +354,7 @@ def renewed(last: Estimate, time: float) -> Estimate:
         sightings=Sightings.none(),
         detections=Detections.none(),
     )
+
+
+def _nothing() -> None:
+    """Return nothing, in the place of a result."""

@@ -212,7 +212,7 @@ class ControlLoop:
             case Report(kind, text, agent):
                 self._observers.event(kind, text, agent)
             case Strike(kind, reason):
-                self._pipeline.fail({kind: reason})
+                self._pipeline.strike(kind, reason)
             case Brake():
                 still = np.zeros_like(state.setpoint.active)
                 state.setpoint = replace(state.setpoint, active=still)

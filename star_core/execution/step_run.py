@@ -9,7 +9,15 @@ from typing import Any, Final, Self, TypeAlias
 import numpy as np
 
 from star_core.conditions import ConditionContext
-from star_core.contracts import Status, Task, TaskOutput
+from star_core.contracts import (
+    AddsAgents,
+    ContinuesFrom,
+    RemovesAgents,
+    ReplacesAgents,
+    Status,
+    Task,
+    TaskOutput,
+)
 from star_core.errors import ContractError, shortlist
 from star_core.execution.assignments import Assignments, Team
 from star_core.execution.instructions import Draft
@@ -232,12 +240,10 @@ class StepRun:
         self.team = Team.of(kept, self.shared.scene)
         if not kept:
             return
-        replaced, removed, added = (
-            getattr(self.task, name, None)
-            for name in ("on_agent_replaced", "on_agents_removed", "on_agents_added")
-        )
-        fewer = len(kept) < len(before)
-        if (swaps and replaced is None) or (fewer and removed is None):
+        task, fewer = self.task, len(kept) < len(before)
+        if (swaps and not isinstance(task, ReplacesAgents)) or (
+            fewer and not isinstance(task, RemovesAgents)
+        ):
             draft.free.update(self.team.rows)
             self.task, _ = self.shared.tasks.take(self.action, self.team.rows)
             limit = _begin_task(self.action, self.task, self.guard, tick, draft)
@@ -245,13 +251,14 @@ class StepRun:
                 self.timeout = tick.time - self.begun + limit
             return
         with self.guard:
-            for old, new in swaps:
-                replaced(old, new)  # type: ignore[misc]  # there is one if there are swaps
-            if fewer:
-                removed(self.team.rows)  # type: ignore[misc]
-            if len(kept) < len(now) and added is not None:
+            if isinstance(task, ReplacesAgents):
+                for old, new in swaps:
+                    task.on_agent_replaced(old, new)
+            if fewer and isinstance(task, RemovesAgents):
+                task.on_agents_removed(self.team.rows)
+            if len(kept) < len(now) and isinstance(task, AddsAgents):
                 self.team = Team.of(now, self.shared.scene)
-                added(self.team.rows)
+                task.on_agents_added(self.team.rows)
 
     def _is_until_met(self, tick: TickContext) -> bool:
         """Return whether the step's ``until`` holds."""
@@ -278,7 +285,7 @@ def _begin_task(
 ) -> float:
     """Begin a task; return the timeout of its step, s."""
     with guard:
-        if hasattr(task, "continue_from"):
+        if isinstance(task, ContinuesFrom):
             task.continue_from(draft.goals.goals())
         limit = checked_timeout(task.begin(tick.estimate, tick.health))
     wait = None if action.until is None else action.until.longest_wait

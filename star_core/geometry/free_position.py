@@ -44,7 +44,7 @@ def free_position(
         >>> from star_core import Fence
         >>> world = World("room", Fence((-2, -2, 0), (2, 2, 2)))
         >>> free_position(np.array([0.0, 0.0, 1.0]), world, np.zeros((1, 2)), 0.25).round(2)
-        array([0.4, 0. ])
+        array([0.35, 0.  ])
     """
     here, top = start[:2], float(start[2])
     if is_free(here[None], world, taken, apart, top, margin)[0]:
