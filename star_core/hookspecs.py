@@ -32,7 +32,7 @@ if TYPE_CHECKING:
         TaskSpec,
         TransportSpec,
     )
-    from star_core.toolkit import Rehearsal
+    from star_core.toolkit import Rehearsal, StudyResults
 
 PROJECT = "star"
 
@@ -173,6 +173,17 @@ def star_report(folder: Path, registry: Registry) -> Path | None:
     """Write the report of a recorded flight or a study and return its file; None to leave it.
 
     It may raise `InputError`: the folder holds no record, or a package is not installed.
+    """
+
+
+@hookspec(firstresult=True)
+def star_fly_study(
+    study: Path, folder: Path, workers: int | None, registry: Registry
+) -> StudyResults | None:
+    """Fly the flights of a study file that are missing in a folder, and return the results of all.
+
+    `workers` is the number of flights at a time; None is for all cores. It may raise `InputError`:
+    a mission cannot be flown at some level, or the folder cannot be written.
     """
 
 

@@ -37,6 +37,10 @@ from star_core.plugin_support.option_schema import fill_defaults as fill_default
 from star_core.plugin_support.specs import Exclusive as Exclusive
 from star_core.plugin_support.specs import KindSpec as KindSpec
 from star_core.plugin_support.specs import Spec as Spec
+from star_core.records.study_results import STUDY_COLUMNS as STUDY_COLUMNS
+from star_core.records.study_results import StudyFlight as StudyFlight
+from star_core.records.study_results import StudyResults as StudyResults
+from star_core.records.study_results import value_at as value_at
 from star_core.rehearsal import Outcome as Outcome
 from star_core.rehearsal import Rehearsal as Rehearsal
 from star_core.rehearsal import RehearsedStep as RehearsedStep

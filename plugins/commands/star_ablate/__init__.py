@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 from star_core import deferred, hookimpl
 from star_core.commands import CommandSpec
 from star_core.formats import FileKindSpec
+
+if TYPE_CHECKING:
+    from star_core import Registry
+    from star_core.toolkit import StudyResults
 
 
 @hookimpl
@@ -31,3 +37,12 @@ def star_commands() -> Iterator[CommandSpec]:
         run=deferred("star_ablate.command:run"),
         group="Study",
     )
+
+
+@hookimpl
+def star_fly_study(
+    study: Path, folder: Path, workers: int | None, registry: Registry
+) -> StudyResults:
+    from star_ablate.command import fly_study
+
+    return fly_study(study, folder, workers, registry)

@@ -13,17 +13,18 @@ from pathlib import Path
 from types import FrameType
 from typing import Final
 
-from star_ablate import results
 from star_ablate.flight import Job, Result
 from star_ablate.journal import Journal, StudyProgress
 from star_ablate.reading import read
-from star_ablate.study import COLUMNS, Run, Study
+from star_ablate.results import as_markdown, paths, study_results
+from star_ablate.study import Run, Study
 from star_ablate.workers import fly_all
 from star_core import InputError, Registry
 from star_core.commands import output_folder, positive_integer, replace_file, write_report, writing
-from star_core.toolkit import Progress, suggestion
+from star_core.toolkit import STUDY_COLUMNS, Progress, StudyResults, suggestion
 
 JOURNAL: Final = "runs.jsonl"
+TABLE: Final = "results.md"
 DONE, INTERRUPTED = 0, 1  # exit status; bad input is 2, as with every command
 
 
@@ -33,25 +34,45 @@ def run(options: argparse.Namespace, registry: Registry) -> int:
     Raises:
         InputError: The study cannot be flown, or its folder cannot be written.
     """
-    with Progress(f"checking the missions of {options.study}"):
-        study = read(Path(options.study), registry, options.seeds)
+    study = _checked(Path(options.study), registry, options.seeds)
     folder = output_folder(options.out, study.name, JOURNAL)
     with writing(folder):
-        status, table = _ablate(study, folder, options)
+        flown = _ablate(study, folder, options.workers, record=options.record)
     if not options.quiet:
+        table = (folder / TABLE).read_text(encoding="utf-8")
         sys.stdout.write(f"{table}\nresults: {folder}\n{write_report(folder, registry)}\n")
-    return status
+    return INTERRUPTED if flown.interrupted else DONE
+
+
+def fly_study(path: Path, folder: Path, workers: int | None, registry: Registry) -> StudyResults:
+    """Fly the runs of a study that are missing in a folder, as the hook `star_fly_study`."""
+    study = _checked(path, registry)
+    folder = output_folder(str(folder), study.name, JOURNAL)
+    with writing(folder):
+        return _ablate(study, folder, workers or _cores())
+
+
+def _checked(path: Path, registry: Registry, seeds: int | None = None) -> Study:
+    """Return a study whose missions can be flown."""
+    with Progress(f"checking the missions of {path}"):
+        return read(path, registry, seeds)
+
+
+def _cores() -> int:
+    """Return the number of cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 def configure(line: argparse.ArgumentParser) -> None:
     """Add the options of the command."""
     line.description = "Fly missions x levels x seeds, and tabulate the measures."
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     line.add_argument("study", help="study file (YAML)")
     line.add_argument(
         "--workers",
         type=positive_integer,
-        default=cores,
+        default=_cores(),
         metavar="N",
         help="parallel runs: %(default)s",
     )
@@ -63,8 +84,8 @@ def configure(line: argparse.ArgumentParser) -> None:
     line.add_argument("--quiet", action="store_true", help="print no table and write no report")
 
 
-def _ablate(study: Study, folder: Path, options: argparse.Namespace) -> tuple[int, str]:
-    """Fly the runs that are missing in `folder` and write results; return status and table."""
+def _ablate(study: Study, folder: Path, workers: int, *, record: bool = False) -> StudyResults:
+    """Fly the runs that are missing in `folder`, write the tables, and return the results."""
     folder.mkdir(parents=True, exist_ok=True)
     plugins = {str(part) for c in study.conditions for part in c.mission.parts.values()}
     about = {"study": study.data, "seeds": study.seeds, "plugins": sorted(plugins)}
@@ -73,25 +94,23 @@ def _ablate(study: Study, folder: Path, options: argparse.Namespace) -> tuple[in
     with closing(Journal(folder / JOURNAL)) as journal, _interrupts() as interrupts:
         found = {run.key: journal.done[run.key] for run in runs if run.key in journal.done}
         missing = [run for run in runs if run.key not in found]
-        jobs = [
-            Job(run.mission(), _record(folder, run) if options.record else None) for run in missing
-        ]
+        jobs = [Job(run.mission(), _record(folder, run) if record else None) for run in missing]
         log, limit = folder / "log.txt", study.time_limit
-        flights = fly_all(jobs, options.workers, log, limit, stopped=lambda: bool(interrupts))
-        progress = StudyProgress(study.name, len(runs), len(found), options.workers)
+        flights = fly_all(jobs, workers, log, limit, stopped=lambda: bool(interrupts))
+        progress = StudyProgress(study.name, len(runs), len(found), workers)
         with progress, closing(flights):
             for index, result in flights:
                 found[missing[index].key] = result
                 journal.add(missing[index], result)
                 progress.add(missing[index], result)
     done = [(run, found[run.key]) for run in runs if run.key in found]
-    table = results.as_markdown(study, done)
-    replace_file(folder / "results.csv", results.as_csv(study, done))
-    replace_file(folder / "results.md", table)
+    flown = study_results(done, interrupted=bool(interrupts))
+    replace_file(folder / "results.csv", flown.as_csv(study.factors, study.measures))
+    replace_file(folder / TABLE, as_markdown(study, done))
     sys.stderr.writelines(f"star: {line}\n" for line in _unknown_measures(study, done))
     if interrupts:
         sys.stderr.write(f"star: interrupted; to resume, add `--out {folder}`\n")
-    return INTERRUPTED if interrupts else DONE, table
+    return flown
 
 
 @contextmanager
@@ -113,9 +132,9 @@ def _interrupts() -> Iterator[list[int]]:
 
 def _unknown_measures(study: Study, done: Sequence[tuple[Run, Result]]) -> Iterator[str]:
     """Yield a line for each measure that no summary has, most likely a typing error."""
-    known = {path for _, result in done for path in results.paths(result.summary or {})}
+    known = {path for _, result in done for path in paths(result.summary or {})}
     for measure in study.measures if known else ():
-        if measure not in known and measure not in COLUMNS:
+        if measure not in known and measure not in STUDY_COLUMNS:
             yield f"no run has the measure {measure!r}{suggestion(measure, known)}"
 
 

@@ -8,10 +8,10 @@ from itertools import combinations, count, islice, product
 from pathlib import Path
 from typing import Any, Final, TypeAlias
 
-from star_ablate.study import COLUMNS, Condition, Study
+from star_ablate.study import Condition, Study
 from star_core import InputError, Mission, Problem, Registry, load
 from star_core.formats import SourceFile, read_as
-from star_core.toolkit import Progress, suggestion
+from star_core.toolkit import STUDY_COLUMNS, Progress, suggestion
 
 MEASURES: Final = (
     "collisions.agent_agent",
@@ -108,7 +108,7 @@ def _file_problems(study: Path, files: Sequence[Path], names: Sequence[str]) -> 
 def _factor_problems(factors: Factors) -> Iterator[Problem]:
     """Yield the problems of factors, individually and in combination."""
     for name, levels in factors.items():
-        if name in COLUMNS:
+        if name in STUDY_COLUMNS:
             wrong = f"a factor cannot be called {name!r}: the results have that column"
             yield Problem(("factors", name), wrong, "duplicate-name")
         for level, settings in levels.items():

@@ -1,24 +1,21 @@
-"""Results of a study: results.csv, one row per run, and results.md, one row per condition."""
+"""Results of a study: those of its runs, and results.md, with one row per condition."""
 
 from __future__ import annotations
 
-import csv
-import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from io import StringIO
 from statistics import fmean, stdev
 from typing import Any, Final, NamedTuple, TypeAlias
 
 from star_ablate.flight import Result
-from star_ablate.study import COLUMNS, Run, Study
+from star_ablate.study import Run, Study
+from star_core.toolkit import STUDY_COLUMNS, StudyFlight, StudyResults, value_at
 
 Results: TypeAlias = Sequence[tuple[Run, Result]]
 
 CONFIDENCE: Final = 0.95
 MAX_MEASURE: Final = 1e100  # whose variance is finite
 MISSING: Final = "-"  # in a cell
-FORMULA: Final = ("=", "+", "-", "@")  # what a formula of a spreadsheet begins with
 
 
 class Statistics(NamedTuple):
@@ -56,18 +53,6 @@ def statistics(values: Sequence[float]) -> Statistics:
     return Statistics(n, fmean(values), std, t * std / math.sqrt(n))
 
 
-def value_at(summary: Mapping[str, Any] | None, path: str) -> Any:
-    """Return the value at `path`, keys joined by dots; None if there is none.
-
-    >>> value_at({"position_mse_m2": {"mean": 0.2}}, "position_mse_m2.mean")
-    0.2
-    """
-    value: Any = summary
-    for key in path.split("."):
-        value = value.get(key) if isinstance(value, Mapping) else None
-    return value
-
-
 def paths(summary: Mapping[str, Any], above: str = "") -> Iterator[str]:
     """Yield every path in a summary.
 
@@ -86,23 +71,21 @@ def finite(values: Sequence[Any]) -> list[float]:
     return [float(value) for value in numbers if abs(value) <= MAX_MEASURE]
 
 
-def as_csv(study: Study, results: Results) -> str:
-    """Return a table with a header and a row for each run, in the order of `results`.
-
-    Numbers have full precision. A measure that a run does not have is empty.
-    """
-    text = StringIO()
-    table = csv.writer(text, lineterminator="\n")
-    measures = _measures(study)
-    table.writerow(
-        ["mission", *study.factors, "seed", "outcome", "reason", *measures, "wall_time_s"]
+def study_results(results: Results, *, interrupted: bool) -> StudyResults:
+    """Return the results of a study, in the order of `results`."""
+    flights = (
+        StudyFlight(
+            run.condition.file,
+            run.condition.levels,
+            run.seed,
+            result.outcome,
+            result.reason,
+            result.wall_time,
+            result.summary,
+        )
+        for run, result in results
     )
-    for run, result in results:
-        values = (_cell(value_at(result.summary, measure)) for measure in measures)
-        texts = map(_inert, (result.outcome, result.reason))
-        about = (*map(_inert, run.condition.names), run.seed, *texts)
-        table.writerow([*about, *values, f"{result.wall_time:.3f}"])
-    return text.getvalue()
+    return StudyResults(tuple(flights), interrupted)
 
 
 def as_markdown(study: Study, results: Results) -> str:
@@ -133,7 +116,7 @@ def as_markdown(study: Study, results: Results) -> str:
 
 def _measures(study: Study) -> list[str]:
     """Return the measures that are not columns already."""
-    return [measure for measure in study.measures if measure not in COLUMNS]
+    return [measure for measure in study.measures if measure not in STUDY_COLUMNS]
 
 
 def _rows(study: Study, results: Results, measures: Sequence[str]) -> Iterator[list[str]]:
@@ -168,27 +151,3 @@ def _short(value: float) -> str:
 def _row(cells: Sequence[str]) -> str:
     escaped = (" ".join(cell.split()).replace("\\", "\\\\").replace("|", "\\|") for cell in cells)
     return "| " + " | ".join(escaped) + " |"
-
-
-def _cell(value: Any) -> Any:
-    if value is None:
-        return ""
-    if isinstance(value, str):
-        return _inert(value)
-    return json.dumps(value) if isinstance(value, Mapping | list | bool) else value
-
-
-def _inert(text: str) -> str:
-    """Return a text as a cell of one line that no spreadsheet takes for a formula.
-
-    >>> _inert("=1+1"), _inert("-0.5"), _inert("orca")
-    ("'=1+1", '-0.5', 'orca')
-    """
-    text = " ".join(text.split())
-    if not text.startswith(FORMULA):
-        return text
-    try:
-        float(text)
-    except ValueError:
-        return f"'{text}"
-    return text

@@ -6,13 +6,10 @@ import hashlib
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any
 
 from star_core import Mission
 from star_core.toolkit import actions
-
-COLUMNS: Final = ("mission", "seed", "outcome", "reason", "wall_time_s")
-"""Columns of every results.csv; factors cannot have these names."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import argparse
-import csv
 import json
 import re
 import sys
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
 from star_bench.files import (
+    AVOIDER,
+    FACTORS,
+    MEASURES,
     POSITIONS,
     SETTING,
     SETTINGS,
@@ -27,11 +30,10 @@ from star_core import InputError, PluginError, Registry
 from star_core.commands import (
     output_folder,
     positive_integer,
-    run_command,
     write_report,
     writing,
 )
-from star_core.toolkit import Progress, suggestion
+from star_core.toolkit import Progress, StudyFlight, StudyResults, suggestion
 
 FLOWN: Final = "flown"  # folder of the study's results
 SEEDS: Final = 5
@@ -41,7 +43,8 @@ def run(options: argparse.Namespace, registry: Registry) -> int:
     """Fly a campaign and return the exit status: 0 when all runs are flown, whatever their outcome.
 
     Raises:
-        InputError: A flag has an invalid value, or the folder cannot be written.
+        InputError: A flag has an invalid value, the folder cannot be written, or no plugin flies
+            studies.
     """
     campaign = Campaign(
         cases=tuple(_cases(options)),
@@ -55,16 +58,17 @@ def run(options: argparse.Namespace, registry: Registry) -> int:
             sys.stdout.write(f"{len(campaign.cases)} missions and their study: {study}\n")
             return 0
         sys.stderr.write(f"star: {campaign.runs} flights; all are checked before the first\n")
-        status = _flown(study, folder / FLOWN, options.workers, registry)
+        flown = _fly(study, folder / FLOWN, options.workers, registry)
         with Progress("tabulating"):
-            found = rows(_read(folder / FLOWN / "results.csv", campaign))
+            found = rows(_metrics(flown, campaign))
         table = as_markdown(found)
         (folder / "bench.csv").write_text(as_csv(found), encoding="utf-8")
         (folder / "bench.md").write_text(table, encoding="utf-8")
-        _write_results(folder / "results.csv", folder / FLOWN / "results.csv", campaign)
+        titled = StudyResults(tuple(_titled(flown, campaign)))
+        (folder / "results.csv").write_text(titled.as_csv(FACTORS, MEASURES), encoding="utf-8")
     report = write_report(folder, registry)
     sys.stdout.write(f"{table}\nresults: {folder}\n{report}\n")
-    return status
+    return 1 if flown.interrupted else 0
 
 
 def configure(line: argparse.ArgumentParser) -> None:
@@ -148,43 +152,45 @@ def _cases(options: argparse.Namespace) -> Iterator[Case]:
                 yield case
 
 
-def _flown(study: Path, folder: Path, workers: int | None, registry: Registry) -> int:
-    """Fly a study with `star ablate`; return its exit status."""
-    at_once = () if workers is None else ("--workers", str(workers))
-    try:
-        registry.find("command", "ablate")
-    except PluginError as error:
-        raise InputError(f"`star ablate` flies the scenarios: {error}") from None
-    arguments = [str(study), "--out", str(folder), "--quiet", *at_once]
-    return run_command("ablate", arguments, registry)
+def _fly(study: Path, folder: Path, workers: int | None, registry: Registry) -> StudyResults:
+    """Fly a study and return its results.
+
+    Raises:
+        InputError: No plugin flies studies, or this one cannot be flown.
+    """
+    results: StudyResults | None = registry.manager.hook.star_fly_study(
+        study=study, folder=folder, workers=workers, registry=registry
+    )
+    if results is None:
+        missing = (
+            "the scenarios are a study, and no installed plugin flies studies, as `ablate` does"
+        )
+        raise InputError(missing, "unknown-plugin")
+    return results
 
 
-def _read(results: Path, campaign: Campaign) -> Iterator[tuple[Key, Metrics]]:
+def _metrics(flown: StudyResults, campaign: Campaign) -> Iterator[tuple[Key, Metrics]]:
     """Yield the metrics of every flight of a study, in the order of the table."""
-    with results.open(encoding="utf-8", newline="") as file:
-        flown = {
-            (row["mission"], row["avoider"], row[SETTING]): row for row in csv.DictReader(file)
-        }
+    flights = {
+        (flight.mission, flight.levels[AVOIDER], flight.levels[SETTING]): flight
+        for flight in flown.flights
+    }
     drawn = {case.name: case.draw() for case in campaign.cases}
     for avoider in campaign.avoiders:
         for setting in campaign.settings:
             for case in campaign.cases:
-                if (row := flown.get((case.name, avoider, " ".join(setting)))) is not None:
+                flight = flights.get((case.name, avoider, " ".join(setting)))
+                if flight is not None:
                     key = Key(avoider, case.title, str(case.agents), *setting)
-                    yield key, metrics(row, drawn[case.name], SPEED)
+                    yield key, metrics(flight, drawn[case.name], SPEED)
 
 
-def _write_results(out: Path, flown: Path, campaign: Campaign) -> None:
-    """Write the results of every flight with its scenario and seed in place of the mission."""
+def _titled(flown: StudyResults, campaign: Campaign) -> Iterator[StudyFlight]:
+    """Yield every flight with its scenario and seed in place of the mission."""
     cases = {case.name: case for case in campaign.cases}
-    with flown.open(encoding="utf-8", newline="") as file, out.open("w", newline="") as copy:
-        source = csv.DictReader(file)
-        table = csv.DictWriter(copy, source.fieldnames or ())
-        table.writeheader()
-        for row in source:
-            case = cases[row["mission"]]
-            scenario = f"{case.title}, {case.agents} agents"
-            table.writerow(row | {"mission": scenario, "seed": case.seed})
+    for flight in flown.flights:
+        case = cases[flight.mission]
+        yield replace(flight, mission=f"{case.title}, {case.agents} agents", seed=case.seed)
 
 
 NOT_IN_LABELS: Final = re.compile(r"[^A-Za-z0-9 _.+-]")

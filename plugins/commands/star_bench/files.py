@@ -52,7 +52,7 @@ MEASURES: Final = (
     "steps",
     "path_length_m.per_agent",
 )
-SETTING: Final = "setting"  # factor of the study
+AVOIDER, SETTING = FACTORS = "avoider", "setting"  # of the study
 STUDY: Final = "study.yaml"
 MISSIONS: Final = "missions"
 
@@ -114,7 +114,7 @@ def _study(campaign: Campaign) -> Iterator[str]:
     yield "missions:"
     yield from (f"  - {MISSIONS}/{case.name}.yaml" for case in campaign.cases)
     yield "factors:"
-    yield "  avoider:"
+    yield f"  {AVOIDER}:"
     for label, given in campaign.avoiders.items():
         yield f"    {json.dumps(label)}: {json.dumps({'avoider': given})}"
     yield f"  {SETTING}:"

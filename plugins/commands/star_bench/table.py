@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import csv
-import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from io import StringIO
 from statistics import fmean
 from typing import Any, Final, NamedTuple, TypeAlias
 
 from star_bench.scenario import Scenario
+from star_core.toolkit import StudyFlight
 
 MISSING: Final = "-"  # in a cell
 ALL: Final = "all"
@@ -36,7 +36,7 @@ COUNTS: Final = {
     "min separation (m)": "min_separation_m",
     "min clearance (m)": "min_clearance_m",
 }
-"""Columns of a study's results, by the column of the table."""
+"""Measures of a study, by the column of the table."""
 
 Metrics: TypeAlias = Mapping[str, float | None]
 """Metrics of one flight, by the column of the table; None if unknown."""
@@ -72,27 +72,23 @@ positioning system that errs by 3 cm along each axis, correlated over 1 s.
 """
 
 
-def metrics(row: Mapping[str, str], scenario: Scenario, speed: float) -> Metrics:
-    """Return the metrics of a row of ``results.csv``.
+def metrics(flight: StudyFlight, scenario: Scenario, speed: float) -> Metrics:
+    """Return the metrics of a flight.
 
     Args:
-        row: Texts by column.
+        flight: Of the scenario's mission.
         scenario: The scenario flown.
         speed: The mission's speed limit, m/s.
     """
-
-    def value(column: str, default: Any = None) -> Any:
-        return json.loads(text) if (text := row.get(column)) else default
-
-    completed = row["outcome"] == "completed"
-    counts = {name: value(column) for name, column in COUNTS.items()}
+    completed = flight.outcome == "completed"
+    counts = {name: flight.value(measure) for name, measure in COUNTS.items()}
     hits = counts["agent-agent collisions"], counts["agent-obstacle collisions"]
-    corrected, compute = value("corrected"), value("compute_us", {})
-    lengths = value("path_length_m.per_agent", {})
+    corrected, compute = flight.value("corrected"), flight.value("compute_us") or {}
+    lengths = flight.value("path_length_m.per_agent") or {}
     return counts | {
         "runs": 1,
         "success": float(completed and hits == (0, 0)),
-        "time ratio": time_ratio(value("steps", []), scenario, speed),
+        "time ratio": time_ratio(flight.value("steps") or [], scenario, speed),
         "path ratio": path_ratio(lengths, scenario) if completed else None,
         "corrected": sum(corrected.values()) if corrected else None,
         **{f"{plugin} (us)": compute.get(plugin) for plugin in COMPUTED},

@@ -15,8 +15,9 @@ from scipy import stats
 
 from star_ablate.flight import Result
 from star_ablate.journal import Journal
-from star_ablate.results import as_csv, as_markdown, finite, statistics, value_at
+from star_ablate.results import as_markdown, finite, statistics, study_results
 from star_ablate.study import Condition, Run, Study
+from star_core.toolkit import value_at
 
 NO_MISSION: Any = None
 CONDITION = Condition("hop", {"avoider": "orca"}, NO_MISSION)
@@ -31,6 +32,10 @@ def results(*summaries: Any) -> list[tuple[Run, Result]]:
         (Run(CONDITION, seed, f"key-{seed}"), Result("completed", "", 1.23456, summary))
         for seed, summary in enumerate(summaries)
     ]
+
+
+def as_csv(study: Study, flown: list[tuple[Run, Result]]) -> str:
+    return study_results(flown, interrupted=False).as_csv(study.factors, study.measures)
 
 
 # The spread of a measure

@@ -11,9 +11,9 @@ from typing import Any
 import pytest
 
 from star_ablate import journal
-from star_ablate.results import FORMULA
 from star_core import InputError
 from star_core.commands.main import main
+from star_core.records.study_results import FORMULA
 from star_report import study as report
 from tests.plugins.commands.star_ablate.conftest import Write
 

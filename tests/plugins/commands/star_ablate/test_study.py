@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from star_ablate.reading import MEASURES, SEEDS, read, schema
-from star_ablate.study import COLUMNS
 from star_core import InputError, Registry
 from star_core.plugin_support import discovery
+from star_core.toolkit import STUDY_COLUMNS
 
 HOP = "missions: [../hop.yaml]\n"
 
@@ -281,4 +281,4 @@ def test_every_property_of_the_schema_is_described() -> None:
 
 
 def test_the_columns_of_the_results_are_no_names_of_factors() -> None:
-    assert {"mission", "seed", "outcome", "reason", "wall_time_s"} == set(COLUMNS)
+    assert {"mission", "seed", "outcome", "reason", "wall_time_s"} == set(STUDY_COLUMNS)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-from argparse import Namespace
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, cast
@@ -13,12 +12,12 @@ import pytest
 
 import star_bench
 import star_yaml
-from star_ablate.command import configure
 from star_bench.command import label_of, named
 from star_bench.files import POSITIONS, SETTINGS, WORLDS
 from star_core import AvoiderSpec, InputError, Registry, hookimpl, load
-from star_core.commands import CommandSpec, run_command
+from star_core.commands import run_command
 from star_core.commands.main import main as star
+from star_core.toolkit import StudyResults
 from tests.commands import command
 
 main = command("bench")
@@ -188,13 +187,14 @@ def test_a_folder_that_cannot_be_made_is_reported(tmp_path: Path) -> None:
     )
 
 
-def test_the_absence_of_the_command_that_flies_studies_is_reported(tmp_path: Path) -> None:
+def test_the_absence_of_a_plugin_that_flies_studies_is_reported(tmp_path: Path) -> None:
     lonely = Registry(star_bench, Idle(), installed=False)
     arguments = [*QUICK, "--avoiders", "idle", "--out", str(tmp_path / "out")]
     with pytest.raises(InputError) as caught:
         run_command("bench", arguments, lonely)
     (problem,) = caught.value.problems
-    assert problem.startswith("`star ablate` flies the scenarios: no command named 'ablate'")
+    assert "no installed plugin flies studies" in problem
+    assert problem.endswith("[unknown-plugin]")
 
 
 class Idle:
@@ -210,17 +210,10 @@ def test_an_interrupted_campaign_leaves_a_table_marked_as_incomplete(tmp_path: P
     arguments = [*QUICK, "--avoiders", "none", "--positions", "exact", "--out", str(out)]
 
     @hookimpl
-    def star_commands() -> list[CommandSpec]:
-        text = "Is interrupted."
-        return [CommandSpec(name="ablate", summary=text, configure=configure, run=interrupted)]
+    def star_fly_study() -> StudyResults:
+        return StudyResults((), interrupted=True)
 
-    def interrupted(options: Namespace, _registry: Registry) -> int:
-        folder = Path(options.out)
-        folder.mkdir()
-        (folder / "results.csv").write_text("mission,avoider,setting,seed,outcome,reason\n")
-        return 1
-
-    plugin = type("Plugin", (), {"star_commands": staticmethod(star_commands)})()
+    plugin = type("Plugin", (), {"star_fly_study": staticmethod(star_fly_study)})()
     registry = Registry(star_yaml, plugin, star_bench, *_parts(), installed=False)
     assert run_command("bench", arguments, registry) == 1
     assert (out / "bench.csv").read_text().count("\n") == 1  # the heading

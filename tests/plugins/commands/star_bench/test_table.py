@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import json
 from io import StringIO
 from typing import Any
 
@@ -22,6 +21,7 @@ from star_bench.table import (
     rows,
     time_ratio,
 )
+from star_core.toolkit import StudyFlight
 from star_metrics.deadlocks import MAX_WAIT, WAITING_DISTANCE
 
 TWO = level([(0, 0), (0, 5)], [(3, 4), (1, 5)], about="Two go 5 m and 1 m.")
@@ -37,15 +37,16 @@ def step(name: str, begun: float, ended: float, **more: Any) -> dict[str, Any]:
     return {"verb": "goto", "agents": [name], "outcome": "success", **times, **more}
 
 
-def row(**more: Any) -> dict[str, str]:
-    whole = {
-        "outcome": "completed",
-        "collisions.agent_agent": 0,
-        "collisions.agent_obstacle": 0,
+def flown(outcome: str = "completed", **measures: Any) -> StudyFlight:
+    """A flight of a study with some measures, with ``__`` for a dot."""
+    summary: dict[str, Any] = {
+        "collisions": {"agent_agent": 0, "agent_obstacle": 0},
         "min_separation_m": 0.4,
     }
-    texts = (whole | {name.replace("__", "."): value for name, value in more.items()}).items()
-    return {name: v if isinstance(v, str) else json.dumps(v) for name, v in texts}
+    for path, value in measures.items():
+        key, _, inner = path.partition("__")
+        summary[key] = {**summary.get(key, {}), inner: value} if inner else value
+    return StudyFlight("a", {}, 0, outcome, "", 1.0, summary)
 
 
 def flight(**known: float | None) -> Metrics:
@@ -107,19 +108,19 @@ def test_there_is_no_path_ratio_without_all_lengths_or_a_way() -> None:
         ({"outcome": "failed"}, False),
         ({"collisions__agent_agent": 1}, False),
         ({"collisions__agent_obstacle": 1}, False),
-        ({"collisions__agent_agent": ""}, False),
+        ({"collisions__agent_agent": None}, False),
     ],
 )
 def test_a_flight_succeeds_if_it_completes_and_nothing_is_hit(
     changes: dict[str, Any],
     success: bool,  # noqa: FBT001 -- what is expected
 ) -> None:
-    assert metrics(row(**changes), TWO, 0.5)["success"] == success
+    assert metrics(flown(**changes), TWO, 0.5)["success"] == success
 
 
-def test_figures_are_read_from_a_row() -> None:
+def test_figures_are_read_from_the_summary() -> None:
     found = metrics(
-        row(
+        flown(
             deadlocks=2,
             waits=7,
             min_clearance_m=0.25,
@@ -139,8 +140,8 @@ def test_figures_are_read_from_a_row() -> None:
     assert times == [12.5, 3.0, None, None]
 
 
-def test_what_a_row_does_not_have_is_not_known() -> None:
-    found = metrics(row(), TWO, 0.5)
+def test_what_a_summary_does_not_have_is_not_known() -> None:
+    found = metrics(flown(), TWO, 0.5)
     known = {name for name, value in found.items() if value is not None}
     assert known == {
         "runs",
@@ -153,7 +154,7 @@ def test_what_a_row_does_not_have_is_not_known() -> None:
 
 def test_a_flight_that_did_not_complete_has_no_path_ratio() -> None:
     lengths = {"d1": 7.0, "d2": 3.0}
-    found = metrics(row(outcome="failed", path_length_m__per_agent=lengths), TWO, 0.5)
+    found = metrics(flown(outcome="failed", path_length_m__per_agent=lengths), TWO, 0.5)
     assert found["path ratio"] is None
 
 

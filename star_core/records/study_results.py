@@ -1,0 +1,113 @@
+"""Results of a study: its flights with their summaries, and a table of them."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from io import StringIO
+from typing import Any, Final
+
+STUDY_COLUMNS: Final = ("mission", "seed", "outcome", "reason", "wall_time_s")
+"""Columns of every ``results.csv``; factors cannot have these names."""
+FORMULA: Final = ("=", "+", "-", "@")  # what a formula of a spreadsheet begins with
+
+
+@dataclass(frozen=True, slots=True)
+class StudyFlight:
+    """One flight of a study.
+
+    Attributes:
+        mission: Name of the mission's file, without its suffix.
+        levels: Level of each factor, by name.
+        seed: Root seed of its random numbers.
+        outcome: ``completed``, ``failed`` or ``aborted``; ``failed`` also if it raised, and
+            ``crashed`` if its process ended.
+        reason: Why it did not complete.
+        wall_time: s.
+        summary: Content of ``summary.json``; None if it raised or crashed.
+    """
+
+    mission: str
+    levels: Mapping[str, str]
+    seed: int
+    outcome: str
+    reason: str
+    wall_time: float
+    summary: Mapping[str, Any] | None
+
+    def value(self, measure: str) -> Any:
+        """Return a value of the summary by its path, keys joined by dots; None if there is none."""
+        return value_at(self.summary, measure)
+
+
+@dataclass(frozen=True, slots=True)
+class StudyResults:
+    """Results of a study.
+
+    Attributes:
+        flights: Those that were flown, in the order of the study: by mission, levels and seed.
+        interrupted: Whether flights are missing, because the operator interrupted it.
+    """
+
+    flights: tuple[StudyFlight, ...]
+    interrupted: bool = False
+
+    def as_csv(self, factors: Sequence[str], measures: Sequence[str]) -> str:
+        """Return a table with a header and a row for each flight.
+
+        Numbers have full precision. A measure that a flight does not have is empty; one that is a
+        column already is left out. Texts are such that no spreadsheet takes them for formulas.
+
+        Args:
+            factors: Names of the factors.
+            measures: Paths into a summary.
+        """
+        text = StringIO()
+        table = csv.writer(text, lineterminator="\n")
+        measures = [measure for measure in measures if measure not in STUDY_COLUMNS]
+        table.writerow(["mission", *factors, "seed", "outcome", "reason", *measures, "wall_time_s"])
+        for flight in self.flights:
+            names = (flight.mission, *(flight.levels[factor] for factor in factors))
+            texts = (_inert(flight.outcome), _inert(flight.reason))
+            values = (_cell(flight.value(measure)) for measure in measures)
+            wall_time = f"{flight.wall_time:.3f}"
+            table.writerow([*map(_inert, names), flight.seed, *texts, *values, wall_time])
+        return text.getvalue()
+
+
+def value_at(summary: Mapping[str, Any] | None, path: str) -> Any:
+    """Return the value at `path`, keys joined by dots; None if there is none.
+
+    >>> value_at({"position_mse_m2": {"mean": 0.2}}, "position_mse_m2.mean")
+    0.2
+    """
+    value: Any = summary
+    for key in path.split("."):
+        value = value.get(key) if isinstance(value, Mapping) else None
+    return value
+
+
+def _cell(value: Any) -> Any:
+    if value is None:
+        return ""
+    if isinstance(value, str):
+        return _inert(value)
+    return json.dumps(value) if isinstance(value, Mapping | list | bool) else value
+
+
+def _inert(text: str) -> str:
+    """Return a text as a cell of one line that no spreadsheet takes for a formula.
+
+    >>> _inert("=1+1"), _inert("-0.5"), _inert("orca")
+    ("'=1+1", '-0.5', 'orca')
+    """
+    text = " ".join(text.split())
+    if not text.startswith(FORMULA):
+        return text
+    try:
+        float(text)
+    except ValueError:
+        return f"'{text}"
+    return text
