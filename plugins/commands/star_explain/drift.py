@@ -15,10 +15,11 @@ from star_explain.separation import kept_distance
 
 PERIOD: Final = 0.5  # s
 MIN_SPEED: Final = 0.1  # m/s, relative: two agents that are slower do not pass each other
-PASSING_SHARE: Final = 1 / 3
+PASSING_SHARE: Final = 1 / 4
 """Share of the margins that agents keep at least when they pass each other, since margins yield:
 four agents by `flow` that change sides at once pass at 0.64 to 0.71 m, where the separation and all
-of the margins are 1.2 m; two at 0.8 to 0.9 m."""
+of the margins are 1.2 m, two at 0.8 to 0.9 m, and two pairs in lanes 1 m apart at 0.57 m."""
+EVASION_TIME: Final = 5.0  # s that passing others takes: those lanes take 8 s in place of 3
 NEAR_USE: Final = 2 / 3  # of their room, from which on two agents count as near each other
 MAX_RISK: Final = 0.01  # probability from which on there is a warning
 FENCE_TOLERANCE: Final = 0.2  # m, by which an agent may leave the fence: it is no wall
@@ -115,23 +116,24 @@ def room_problems(mission: Mission, flight: DryFlight) -> Iterator[Problem]:
 
     They need `Limits.uncertainty_margin` standard deviations of their distance, and `ALONE_SHARE`
     of that if no others are near them. Where they pass each other, they keep `PASSING_SHARE` of the
-    margins at least.
+    margins at least, leave their paths for that, and lose `EVASION_TIME`: both brings them nearer
+    to others that evade too, at greater deviations.
     """
     limits, scene = mission.scene.limits, mission.scene
     localizer = mission.parts["localizer"]
-    time, position, airborne, std = flight
+    time, std = flight.time, flight.std
     base, n = kept_distance(mission), len(scene.agents)
+    evades = _evasions(flight, base, limits.uncertainty_margin, limits.separation)
+    later = np.minimum(np.arange(len(time)) + round(EVASION_TIME / PERIOD), len(time) - 1)
+    std = np.where(evades > 0.0, std[later], std)
     uses = np.zeros((len(time), n, n))
     for first, second in combinations(range(n), 2):
-        offset = position[:, first] - position[:, second]
-        planned = np.hypot(offset[:, 0], offset[:, 1])
+        planned, passing, level = _encounter(flight, first, second, limits.separation)
         deviations = limits.uncertainty_margin * std[:, [first, second]]
         margin = np.minimum(deviations.sum(axis=1), MAX_MARGIN_RATIO * base)
-        passing = np.linalg.norm(np.gradient(offset, PERIOD, axis=0), axis=1) > MIN_SPEED
         kept = base + np.where(passing, PASSING_SHARE * margin, 0.0)
-        room = np.maximum(planned, kept) - 2 * CONTACT_RADIUS
-        level = airborne[:, first] & airborne[:, second]
-        level &= np.abs(offset[:, 2]) < limits.separation
+        aside = np.where(passing, evades[:, first] + evades[:, second], 0.0)
+        room = np.maximum(planned - aside, kept) - 2 * CONTACT_RADIUS
         use = np.hypot(deviations[:, 0], deviations[:, 1]) / np.maximum(room, CONTACT_RADIUS)
         uses[:, first, second] = uses[:, second, first] = np.where(level, use, 0.0)
     neighbors = (uses > NEAR_USE).sum(axis=2)
@@ -148,6 +150,42 @@ def room_problems(mission: Mission, flight: DryFlight) -> Iterator[Problem]:
             "no-room-for-drift",
             warning=True,
         )
+
+
+def _evasions(flight: DryFlight, base: float, deviations: float, vertical: float) -> Array:
+    """Return how far agents leave their paths to pass others: (T, N) m.
+
+    Each of two agents makes way for half of what their paths lack to the distance that they keep.
+
+    Args:
+        flight: The dry run.
+        base: Distance that two agents keep without margins, m.
+        deviations: Number of standard deviations of the margins.
+        vertical: Difference in height from which on agents do not matter, m.
+    """
+    evades = np.zeros(flight.std.shape)
+    for first, second in combinations(range(flight.std.shape[1]), 2):
+        planned, passing, level = _encounter(flight, first, second, vertical)
+        margin = deviations * (flight.std[:, first] + flight.std[:, second])
+        kept = base + PASSING_SHARE * np.minimum(margin, MAX_MARGIN_RATIO * base)
+        aside = np.where(passing & level, np.maximum(kept - planned, 0.0) / 2, 0.0)
+        for row in (first, second):
+            evades[:, row] = np.maximum(evades[:, row], aside)
+    return evades
+
+
+def _encounter(
+    flight: DryFlight, first: int, second: int, vertical: float
+) -> tuple[Array, Mask, Mask]:
+    """Return the planned distance of two agents in the plane, (T,) m, and when they pass, and meet.
+
+    They pass at a relative speed of `MIN_SPEED`, and meet in the air, at nearly the same height.
+    """
+    offset = flight.position[:, first] - flight.position[:, second]
+    passing = np.linalg.norm(np.gradient(offset, PERIOD, axis=0), axis=1) > MIN_SPEED
+    level = flight.airborne[:, first] & flight.airborne[:, second]
+    level &= np.abs(offset[:, 2]) < vertical
+    return np.hypot(offset[:, 0], offset[:, 1]), passing, level
 
 
 def obstacle_problems(mission: Mission, registry: Registry, flight: DryFlight) -> Iterator[Problem]:

@@ -138,6 +138,22 @@ def test_agents_that_the_core_would_land_are_warned_of(tmp_path: Path) -> None:
     assert warnings(tmp_path, *CROSSING, "limits.uncertainty_margin=0") == []
 
 
+@pytest.mark.parametrize(("half", "is_warned"), [(0.5, True), (0.8, False)])
+def test_pairs_that_swap_in_near_lanes_are_warned_of(
+    tmp_path: Path, half: float, *, is_warned: bool
+) -> None:
+    lanes = (
+        f"swarm={{cf1: {{start: [-0.8, {half}, 0]}}, cf2: {{start: [0.8, {half}, 0]}}, "
+        f"cf3: {{start: [-0.8, -{half}, 0]}}, cf4: {{start: [0.8, -{half}, 0]}}}}",
+        f"mission.1={{parallel: [{{goto: {{agents: cf1, to: [0.8, {half}, 0.8]}}}}, "
+        f"{{goto: {{agents: cf2, to: [-0.8, {half}, 0.8]}}}}, "
+        f"{{goto: {{agents: cf3, to: [0.8, -{half}, 0.8]}}}}, "
+        f"{{goto: {{agents: cf4, to: [-0.8, -{half}, 0.8]}}}}]}}",
+    )
+    found = warnings(tmp_path, *lanes)
+    assert [text.rpartition("[")[2] for text in found] == ["no-room-for-drift]"] * is_warned
+
+
 @pytest.mark.parametrize(
     ("positioning", "warned"),
     [
