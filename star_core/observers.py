@@ -37,6 +37,7 @@ class Observers:
         self.events: list[Event] = []
         self._time = 0.0
         self._of_flight: dict[str, object] = {}
+        self._used: list[object] = []  # results of hooks
         self._measures: dict[str, Any] = {}
         self._taken: frozenset[str] = frozenset()  # keys of the summary
 
@@ -88,9 +89,13 @@ class Observers:
 
     def _checked(self, plugin: str, hook: str, result: Any) -> Any:
         """Use the result of a hook: an observer of this flight only, or what one measured."""
-        if hook == "star_mission_started" and result is not None:
+        if result is None or any(result is used for used in self._used):  # a wrapper returns it
+            return result
+        if hook == "star_mission_started":
+            self._used.append(result)
             self._of_flight[plugin] = result
-        elif hook == "star_summary" and result is not None:
+        elif hook == "star_summary":
+            self._used.append(result)
             self._measures |= check_measures(result, {*self._taken, *self._measures})
         return result
 

@@ -369,6 +369,25 @@ def test_of_two_observers_with_one_key_the_second_is_named(lab: Lab) -> None:
     assert "star_summary raised ContractError: the summary has a key 'ticks' already" in text
 
 
+def test_a_wrapper_passes_observers_and_measures_of_others_on(lab: Lab) -> None:
+    class Wrapper:
+        @hookimpl(wrapper=True)
+        def star_mission_started(self) -> Generator[None, list[Any], list[Any]]:
+            return (yield)
+
+        @hookimpl(wrapper=True)
+        def star_summary(self) -> Generator[None, list[Any], list[Any]]:
+            measures = yield
+            return [*measures, {"plugins": len(measures)}]
+
+    watched(lab, Counter())
+    watched(lab, Wrapper(), "wrapper")
+    summary = lab.fly()
+    assert summary["ticks"] > 10
+    assert summary["plugins"] == 1
+    assert lab.said("observer") == []
+
+
 def test_an_observer_of_a_flight_with_an_unknown_hook_is_named(lab: Lab) -> None:
     class Misspelt:
         @hookimpl
