@@ -20,7 +20,7 @@ from star_yaml.schema import _depends as depends
 from star_yaml.schema import compose_steps
 from star_yaml.yaml_reader import parse
 
-MISSIONS = Path(__file__).parents[3] / "missions"
+MISSIONS = Path(__file__).parents[4] / "missions"
 OFFERS = Registry().offers()
 STRICT = compose_steps(OFFERS)
 ADMITTING = for_editors(compose_steps(OFFERS), parameters=True)
