@@ -18,7 +18,7 @@ from star_core.execution.reserves import ReserveManager
 from star_core.execution.step_run import TaskPool, TickContext
 from star_core.executor import StepExecutor
 from star_core.geometry.neighbours import Pairs
-from star_core.messages.arrays import Mask, every, some
+from star_core.messages.arrays import Mask, some
 from star_core.messages.commands import Order, Trajectory
 from star_core.messages.events import Corrected, Tick
 from star_core.messages.state import (
@@ -131,7 +131,6 @@ class ControlLoop:
         self._unreachable: dict[int, str] = {}  # reasons by row, in the last tick
         self._lost_since = np.full(n, np.inf)  # s
         self._goals = Goals.none(n)  # of the last tick
-        self._started = False
         self._land_all: LandAll | None = None  # once it is what the flight does
 
     def tick(self) -> MissionStatus:
@@ -147,7 +146,10 @@ class ControlLoop:
         else:
             self._check(Stage.TRACKED, state)
             excused = self._rules.excuse(state.health, state.estimate.valid)
-            if reason := self._cannot_go_on(state.health, excused):
+            if reason := (
+                self._rules.reason_to_end(state.health, self._assignments.unassigned())
+                or self._lost_too_long(state.health, excused)
+            ):
                 return MissionStatus(Status.FAILURE, reason)
             context = self._context(state, excused)
             status, instructions = self._executor.step(context)
@@ -302,9 +304,11 @@ class ControlLoop:
         Returns:
             Reasons why the mission has failed although its steps have not.
         """
-        for event in self._summary.contacts.finish():
+        contacts = self._summary.contacts
+        for event in contacts.finish():
             self._observers.record(event)
-        return [*filter(None, (self._uncertain_landed(), self._collisions()))]
+        collisions = "" if self._mission.collisions == "record" else contacts.collisions()
+        return [*filter(None, (self._uncertain_landed(), collisions))]
 
     def close(self) -> list[str]:
         """Abort the running steps and close every task; return their errors."""
@@ -337,15 +341,6 @@ class ControlLoop:
         """Return the status of landing all agents; None if that is not what the flight does."""
         return None if self._land_all is None else _status(self._land_all.result())
 
-    def _collisions(self) -> str:
-        """Return the number of collisions that fail the mission; empty if there are none."""
-        contacts = self._summary.contacts
-        count = contacts.agent_agent + contacts.agent_obstacle
-        if not count or self._mission.collisions == "record":
-            return ""
-        by = " (estimated positions)" if contacts.source == "estimate" else ""
-        return f"{count} collision{'s' if count > 1 else ''}{by}"
-
     def _uncertain_landed(self) -> str:
         """Return which agents landed for their uncertainty and are not replaced; empty if none."""
         vacant = {*self._assignments.vacancies()}
@@ -361,31 +356,6 @@ class ControlLoop:
         if self._reserves is not None:
             return np.zeros(len(self._scene.agents), np.bool_)
         return self._assignments.removed()
-
-    def _cannot_go_on(self, health: Health, excused: Mask) -> str:
-        """Return the reason to end the mission, if there is one."""
-        return (
-            self._unfit_to_start(health)
-            or self._no_agent_left()
-            or self._lost_too_long(health, excused)
-        )
-
-    def _no_agent_left(self) -> str:
-        """Return the reason to end if the safety rules have removed every agent."""
-        none_left = np.count_nonzero(self._rules.action) and every(self._assignments.unassigned())
-        return "the safety rules left no agent" if none_left else ""
-
-    def _unfit_to_start(self, health: Health) -> str:
-        """Return the reason not to begin if a safety rule would end the flight of an agent."""
-        if self._started:
-            return ""
-        self._started = True
-        limit = self._rules.lowest_voltage
-        low = (health.battery < limit) & ~self._assignments.unassigned()
-        if not low.any():
-            return ""
-        names, volts = self._scene.named(np.flatnonzero(low)), health.battery[low].min()
-        return f"not started: battery_low: {names} at {volts:.2f} V, below {limit:g} V"
 
     def _lost_too_long(self, health: Health, excused: Mask) -> str:
         """Return the reason to end if an agent of the mission has been lost for too long."""

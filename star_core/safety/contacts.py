@@ -123,6 +123,14 @@ class Contacts:
         open_ones, self._approaches = self._approaches, {}
         return [self._over(pair, one) for pair, one in open_ones.items() if not one.collided]
 
+    def collisions(self) -> str:
+        """Return the number of collisions, in words; empty if there are none."""
+        count = self.agent_agent + self.agent_obstacle
+        if not count:
+            return ""
+        by = " (estimated positions)" if self.source == "estimate" else ""
+        return f"{count} collision{'s' if count > 1 else ''}{by}"
+
     def _between_agents(
         self, near: Pairs, position: Array, velocity: Array, airborne: Mask
     ) -> list[Event]:

@@ -7,7 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from star_core.messages.arrays import Array, Mask
+from star_core.messages.arrays import Array, Mask, every, some
 from star_core.messages.state import AgentPhase, Estimate, Health
 from star_core.safety.agents_in_the_way import MAX_REPORT_AGE
 from star_core.safety.monitors import Exclude, SafetyAction, Stage, TickState
@@ -33,6 +33,8 @@ class Rules:
 
     def __init__(self, scene: Scene, rules: Mapping[str, Mapping[str, Any]]) -> None:
         n = len(scene.agents)
+        self._scene = scene
+        self._started = False
         self._low = np.array(scene.world.fence.low)
         self._high = np.array(scene.world.fence.high)
         self._floor = FLOOR_SHARE * scene.limits.height[0]
@@ -55,14 +57,26 @@ class Rules:
                 new.append(Exclude(row, action, f"{name}: {reasons[row]}"))
         return new
 
-    @property
-    def lowest_voltage(self) -> float:
-        """Voltage below which an agent leaves the mission, V; minus infinity without that rule."""
-        return float(self._rules.get("battery_low", {"below": -np.inf})["below"])
-
     def reset(self, row: int) -> None:
         """Cancel the action for an agent that is fit again."""
         self.action[row] = SafetyAction.NOTHING
+
+    def reason_to_end(self, health: Health, unassigned: Mask) -> str:
+        """Return why the mission does not begin, or has no agent left; empty if it goes on.
+
+        Args:
+            health: Of the agents.
+            unassigned: (N,) agents that are not in the mission.
+        """
+        if not self._started:
+            self._started = True
+            limit = self._rules.get("battery_low", {"below": -np.inf})["below"]  # V
+            low = (health.battery < limit) & ~unassigned
+            if some(low):
+                names, volts = self._scene.named(np.flatnonzero(low)), health.battery[low].min()
+                return f"not started: battery_low: {names} at {volts:.2f} V, below {limit:g} V"
+        none_left = np.count_nonzero(self.action) and every(unassigned)
+        return "the safety rules left no agent" if none_left else ""
 
     def excuse(self, health: Health, located: Mask) -> Mask:
         """(N,) agents that are lost, but that a rule will act on: their steps do not fail yet."""
