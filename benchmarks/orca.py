@@ -183,7 +183,8 @@ def for_ours(state: State) -> tuple[Any, ...]:
     """The kernel's arguments: ORCA as published, all agents avoiding."""
     n = len(state.position)
     radius, speed, avoids = np.full(n, RADIUS), np.full(n, SPEED), np.ones(n, np.bool_)
-    nothing_else = np.empty((n, 0, 3)), np.zeros(n, np.int64)
+    fence, rows, heights = np.array([-math.inf] * 2 + [math.inf] * 2), np.zeros(2, int), np.zeros(0)
+    nothing_else = np.zeros(n), fence, None, rows, heights, HORIZON, RADIUS, False
     limits = (HORIZON, NEIGHBOUR_DISTANCE, MOST, math.inf, PERIOD, 0.0)
     return (*state, radius, np.zeros(n), speed, avoids, *nothing_else, *limits)
 

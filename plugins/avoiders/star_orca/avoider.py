@@ -7,18 +7,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from star_core import Array, Estimate, Mask, Rows, Scene, Setpoint, Transform
-from star_core.toolkit import position_margin, with_possible_positions, yielding_margin
+from star_core import Array, Estimate, Mask, Scene, Setpoint, Transform
+from star_core.toolkit import position_margin, with_possible_positions
 from star_orca.kernel import orca
-from star_orca.obstacle_planes import MAX_EDGES, add_obstacles
-from star_orca.outlines import Outlines, outlines
+from star_orca.outlines import outlines
 
 # Angle by which agents keep to the right when another is ahead: see `star_orca.keep_right`. It
 # deflects a path by at most 5 % of its length (tan(turn) / e: the logarithmic spiral of a steady
 # offset).
 TURN = math.radians(8.0)
-MAX_RETURN = 0.5  # share of the speed limit: fastest required return of an agent outside the fence
-_NORMALS = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])  # inwards, of the sides
 TINY = 1e-12  # m/s
 REMAINING = math.exp(-1.0)  # share of a difference that remains after one time constant
 
@@ -94,35 +91,34 @@ class Orca:
         n = len(wanted.yaw)
         avoids = wanted.active & estimate.valid
         position, velocity = self._predicted(estimate)
-        seen, extended = with_possible_positions(
-            replace(estimate, position=position, velocity=velocity), wanted, self._spacing
-        )
-        more = len(seen.yaw) - n  # possible positions of silent agents
-        radius, speed, gives_way = self._radius, self._speed, avoids
-        if more:
+        covariance, wish = estimate.covariance, np.array(wanted.velocity)
+        radius, speed, gives_way, more = self._radius, self._speed, avoids, 0
+        if np.count_nonzero(estimate.possible_travel):
+            seen, extended = with_possible_positions(
+                replace(estimate, position=position, velocity=velocity), wanted, self._spacing
+            )
+            more = len(seen.yaw) - n  # possible positions of silent agents
             radius, speed = (np.append(one, one[:1].repeat(more)) for one in (radius, speed))
             gives_way = np.append(avoids, np.zeros(more, np.bool_))
-        here, flown = np.array(seen.position), np.array(seen.velocity)
-        result = orca(
-            here,
-            flown,
-            np.array(extended.velocity, order="C"),  # writable and in C order: one set of types
+            position, velocity = np.array(seen.position), np.array(seen.velocity)
+            covariance, wish = seen.covariance, np.array(extended.velocity)
+        deviations, obstacles = self._uncertainty_margin, self._outlines
+        result = orca(  # arrays are writable and in C order: one set of types
+            position,
+            velocity,
+            wish,
             radius,
-            position_margin(seen.covariance, self._uncertainty_margin, self._spacing),
+            position_margin(covariance, deviations, self._spacing),
             speed,
             gives_way,
-            *hard_planes(
-                here,
-                flown,
-                speed,
-                position_margin(seen.covariance, self._uncertainty_margin, self._clearance),
-                gives_way,
-                self._outlines,
-                self._fence,
-                horizon=self._obstacle_horizon,
-                clearance=self._clearance,
-                virtual=self._virtual,
-            ),
+            position_margin(covariance, deviations, self._clearance),
+            self._fence,
+            obstacles.edges if len(obstacles.edges) else None,
+            obstacles.first,
+            obstacles.height,
+            self._obstacle_horizon,
+            self._clearance,
+            self._virtual,
             self._horizon,
             self._communication_radius,
             self._max_neighbours + more,
@@ -176,72 +172,3 @@ class Orca:
         estimate = Estimate(0.0, start, still, level, covariance, every_row, odometry)
         self.avoid(estimate, Setpoint(still, level, every_row))
         self._has_setpoint = np.zeros(n, np.bool_)
-
-
-def hard_planes(  # noqa: PLR0913 -- what the kernel takes
-    position: Array,
-    velocity: Array,
-    speed: Array,
-    margin: Array,
-    avoids: Mask,
-    outlines: Outlines,
-    fence: Array,
-    *,
-    horizon: float,
-    clearance: float,
-    virtual: bool = False,
-) -> tuple[Array, Rows]:
-    """Return each agent's half-planes of the fence and of the obstacles at its height.
-
-    They are hard: not violated for the sake of other agents. The core brakes any agent that would
-    cross the fence. An avoider unaware of the fence would evade across it, and rely on space that
-    the core does not grant.
-
-    Towards a side of the fence, an agent may fly the speed that reaches it within the horizon;
-    beyond a side, it must fly at least the speed that returns it in that time. Sides out of reach
-    in that time add no half-plane.
-
-    Args:
-        position: (N, 3) m.
-        velocity: (N, 3) m/s; agents without a finite velocity are treated as stationary.
-        speed: (N,) speed limit, m/s.
-        margin: (N,) by which distances are enlarged for an uncertain position, m; it yields.
-        avoids: (N,) agents whose half-planes are needed.
-        outlines: Of the obstacles.
-        fence: (4,) least x and y of the geofence, then greatest, m; may be infinite.
-        horizon: Time in which no agent shall hit an obstacle or leave the fence, s.
-        clearance: Distance to keep to obstacles, m.
-        virtual: Whether obstacles are virtual agents instead of RVO2's half-planes.
-
-    Returns:
-        (N, K, 3) half-planes as in `star_orca.half_planes`, and (N,) their numbers.
-    """
-    rate = 1.0 / horizon
-    here = position[:, :2]
-    with np.errstate(invalid="ignore"):  # positions and fence may be infinite
-        room = np.concatenate([here - fence[:2], fence[2:] - here], axis=1)
-        if np.count_nonzero(margin):
-            room -= yielding_margin(margin[:, None], room, horizon)
-    agent, side = (room < (speed / rate)[:, None]).nonzero()
-    count = np.bincount(agent, minlength=len(position))
-    planes = np.empty((len(position), len(_NORMALS) + min(len(outlines.edges), MAX_EDGES), 3))
-    if len(agent):
-        row = np.arange(len(agent)) - np.repeat(np.cumsum(count) - count, count)
-        planes[agent, row, :2] = _NORMALS[side]
-        returns = np.minimum(-rate * room[agent, side], MAX_RETURN * speed[agent])
-        planes[agent, row, 2] = returns
-    if len(outlines.edges):
-        add_obstacles(
-            position,
-            velocity,
-            speed,
-            margin,
-            avoids,
-            *outlines,
-            horizon,
-            clearance,
-            virtual,
-            planes,
-            count,
-        )
-    return planes, count

@@ -8,6 +8,7 @@ import numpy as np
 
 from star_core import Array, Mask, Rows
 from star_core.toolkit import compiled, subroutine
+from star_orca.fence_planes import SIDES, fence_planes
 from star_orca.half_planes import half_planes
 from star_orca.keep_right import BLOCKED, QUARTER, lane_turn, side_to_take, turned_right
 from star_orca.linear_program import solve
@@ -27,6 +28,9 @@ from star_orca.neighbours import (
     nearest,
     sort_into_cells,
 )
+from star_orca.obstacle_planes import add_obstacles
+
+MAX_EDGES = 32  # nearest edges of obstacles considered; RVO2 considers all within reach
 
 
 @compiled
@@ -38,8 +42,14 @@ def orca(  # noqa: C901, PLR0913, PLR0917 -- numba takes plain arguments apart q
     margin: Array,
     speed: Array,
     avoids: Mask,
-    hard_planes: Array,
-    hard_counts: Rows,
+    hard_margin: Array,
+    fence: Array,
+    edges: Array | None,
+    first: Rows,
+    height: Array,
+    obstacle_horizon: float,
+    clearance: float,
+    virtual: bool,  # noqa: FBT001 -- numba takes no keywords cheaply
     horizon: float,
     communication_radius: float,
     most: int,
@@ -69,8 +79,15 @@ def orca(  # noqa: C901, PLR0913, PLR0917 -- numba takes plain arguments apart q
         margin: (N,) by which the radius is enlarged for an uncertain position, m.
         speed: (N,) speed limit, m/s.
         avoids: (N,) False where the agent does not give way, so that the others avoid it alone.
-        hard_planes: (N, H, 3) half-planes of the fence and of obstacles, and
-        hard_counts: (N,) their numbers: see `star_orca.avoider.hard_planes`.
+        hard_margin: (N,) likewise, by which distances to obstacles and fence are enlarged, m.
+        fence: (4,) least x and y of the geofence, then greatest, m; may be infinite.
+        edges: Of `star_orca.outlines.Outlines`, as are `first` and `height`; None where there are
+            no obstacles, for which nothing is compiled then.
+        first: (L + 1,)
+        height: (L - 1,)
+        obstacle_horizon: Time in which no agent shall hit an obstacle or leave the fence, s.
+        clearance: Distance to keep to obstacles, m.
+        virtual: Whether obstacles are virtual agents instead of RVO2's half-planes.
         horizon: Time for which no two agents shall collide, s.
         communication_radius: Horizontal distance within which agents are neighbours, m.
         most: Greatest number of neighbours, the nearest.
@@ -87,7 +104,11 @@ def orca(  # noqa: C901, PLR0913, PLR0917 -- numba takes plain arguments apart q
     )
     limits = (communication_radius, vertical, horizon)
     neighbours, distance = np.empty(most, np.int64), np.empty(most)
-    rows = hard_planes.shape[1] + most
+    rows = SIDES + most
+    if edges is not None:
+        most_edges = min(len(edges), MAX_EDGES)
+        seen = (np.empty(most_edges, np.int64), np.empty(most_edges))
+        rows += most_edges
     planes, scratch = np.empty((rows, 3)), np.empty((rows, 3))
     answer = wish.copy()
     for me in range(len(agents)):
@@ -96,10 +117,13 @@ def orca(  # noqa: C901, PLR0913, PLR0917 -- numba takes plain arguments apart q
         fastest = agents[me, SPEED]
         count = nearest(agents, me, cell[me], start, columns, limits, neighbours, distance)
         i = int(agents[me, ROW])
-        hard = hard_counts[i]
-        for k in range(hard):
-            for column in range(3):
-                planes[k, column] = hard_planes[i, k, column]
+        east, north, wide = position[i, 0], position[i, 1], hard_margin[i]
+        hard = fence_planes(east, north, speed[i], wide, fence, obstacle_horizon, planes)
+        if edges is not None:
+            hard = add_obstacles(
+                *(i, position, velocity, speed, hard_margin, edges, first, height),
+                *(obstacle_horizon, clearance, virtual, seen, planes, hard),
+            )
         half_planes(agents, me, neighbours, count, horizon, period, vertical, planes, hard)
         x, y, z = agents[me, WISH_X], agents[me, WISH_Y], agents[me, WISH_Z]
         squared = x * x + y * y + z * z

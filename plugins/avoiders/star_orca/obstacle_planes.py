@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
-from star_core import Array, Mask, Rows
-from star_core.toolkit import YIELD_TIME, compiled, subroutine
+from star_core import Array, Rows
+from star_core.toolkit import YIELD_TIME, subroutine
 from star_orca.half_planes import NOTHING, way_out
 from star_orca.outlines import (
     A_JUTS,
@@ -26,57 +24,66 @@ from star_orca.outlines import (
     nearest_on,
 )
 
-MAX_EDGES = 32  # nearest edges considered; RVO2 considers all within reach
 
-
-@compiled
+@subroutine
 def add_obstacles(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apart quickest
+    i: int,
     position: Array,
     velocity: Array,
     speed: Array,
     margin: Array,
-    avoids: Mask,
     edges: Array,
     first: Rows,
     height: Array,
     horizon: float,
     clearance: float,
     virtual: bool,  # noqa: FBT001 -- numba takes no keywords cheaply
+    seen: tuple[Rows, Array],
     planes: Array,
-    counts: Rows,
-) -> None:
-    """Add the half-planes of obstacles, `edges`, `first` and `height`, as `hard_planes` does.
+    count: int,
+) -> int:
+    """Add the half-planes of obstacles for an agent, and return the new number of half-planes.
 
     The margin of an agent that is near to an obstacle yields: see `yielding_margin`.
+
+    Args:
+        i: Row of the agent; its position is finite.
+        position: (N, 3) m.
+        velocity: (N, 3) m/s; agents without a finite velocity are treated as stationary.
+        speed: (N,) speed limit, m/s.
+        margin: (N,) by which the clearance is enlarged for an uncertain position, m.
+        edges: Of `star_orca.outlines.Outlines`, as are `first` and `height`.
+        first: (L + 1,)
+        height: (L - 1,)
+        horizon: Time in which no agent shall hit an obstacle, s.
+        clearance: Distance to keep to obstacles, m.
+        virtual: Whether obstacles are virtual agents instead of RVO2's half-planes.
+        seen: Room for the rows of the nearest edges, and for their squared distances.
+        planes: (H, 3) half-planes.
+        count: Their number.
     """
-    firm = max(1.0 - horizon / YIELD_TIME, 0.0)
-    room = planes.shape[1] - 4
-    seen = (np.empty(room, np.int64), np.empty(room))
+    x, y = position[i, 0], position[i, 1]
+    layer = layer_at(position[i, 2], height)
+    span = (first[layer], first[layer + 1])
+    if span[0] == span[1]:
+        return count
+    vx, vy = velocity[i, 0], velocity[i, 1]
+    if not math.isfinite(vx + vy):
+        vx, vy = 0.0, 0.0
+    flight = (x, y, vx, vy)
     rate = 1.0 / horizon
-    for i in range(len(position)):
-        x, y, z = position[i, 0], position[i, 1], position[i, 2]
-        if not avoids[i] or not math.isfinite(x + y + z):
-            continue
-        layer = layer_at(z, height)
-        span = (first[layer], first[layer + 1])
-        if span[0] == span[1]:
-            continue
-        vx, vy = velocity[i, 0], velocity[i, 1]
-        if not math.isfinite(vx + vy):
-            vx, vy = 0.0, 0.0
-        flight = (x, y, vx, vy)
-        count = counts[i]
-        kept, reach = clearance, horizon * speed[i] + clearance + margin[i]
-        near = nearest_edges(edges, span, x, y, reach, seen)
-        if margin[i] > 0.0 and near > 0:
-            room_left = math.sqrt(seen[1][0]) - clearance
-            kept += min(margin[i], firm * max(room_left, 0.0))
-        for k in range(near):
-            if virtual:
-                count = virtual_agent(edges, seen[0][k], flight, kept, rate, planes[i], count)
-            else:
-                count = obstacle_plane(edges, seen[0][k], flight, kept, rate, planes[i], count)
-        counts[i] = count
+    kept, reach = clearance, horizon * speed[i] + clearance + margin[i]
+    near = nearest_edges(edges, span, x, y, reach, seen)
+    if margin[i] > 0.0 and near > 0:
+        room_left = math.sqrt(seen[1][0]) - clearance
+        firm = max(1.0 - horizon / YIELD_TIME, 0.0)
+        kept += min(margin[i], firm * max(room_left, 0.0))
+    for k in range(near):
+        if virtual:
+            count = virtual_agent(edges, seen[0][k], flight, kept, rate, planes, count)
+        else:
+            count = obstacle_plane(edges, seen[0][k], flight, kept, rate, planes, count)
+    return count
 
 
 COVERED = 1e-5  # m/s: a velocity obstacle that extends less beyond another edge's is ignored

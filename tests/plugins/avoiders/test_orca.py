@@ -10,7 +10,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from star_core import Array, Fence, Mask, Obstacle, World
-from star_orca.avoider import hard_planes
 from star_orca.kernel import orca
 from star_orca.outlines import Outlines, outlines
 
@@ -45,14 +44,10 @@ def ask(  # noqa: PLR0913 -- the kernel has more
     limits = (HORIZON, NEIGHBOUR_DISTANCE, MOST, 0.6, PERIOD, turn)
     speed = np.full(n, SPEED)
     tables = (position.copy(), velocity.copy(), wish.copy())
-    hard = hard_planes(
-        *(*tables[:2], speed, np.zeros(n), avoiding, around, np.array(fence)),
-        horizon=HORIZON,
-        clearance=RADIUS,
-        virtual=virtual,
-    )
+    edges = around.edges if len(around.edges) else None
+    walls = np.zeros(n), np.array(fence), edges, *around[1:], HORIZON, RADIUS, virtual
     size = np.full(n, RADIUS), np.zeros(n)
-    return cast("Array", kernel(*tables, *size, speed, avoiding, *hard, *limits))
+    return cast("Array", kernel(*tables, *size, speed, avoiding, *walls, *limits))
 
 
 def crowd(n: int, seed: int = 0) -> tuple[Array, Array, Array]:
