@@ -46,10 +46,11 @@ class PositionController:
         self._yaw: Array = np.zeros(n)  # last asked for, where `_flown`
         self._flown = np.zeros(n, np.bool_)
         self._begin: Array = np.zeros((n, 3))  # m, where the agents began to fly to the points
-        self._point: Array = np.zeros((n, 3))  # m, of the last tick
-        self._under_way: Mask = np.zeros(n, np.bool_)  # likewise
         nowhere = Goals.none(n)
-        self._lead(nowhere.position, nowhere, np.zeros(n))  # compiled, or fetched, before takeoff
+        self._point: Array = nowhere.position  # m, of the last tick
+        self._under_way: Mask = np.zeros(n, np.bool_)  # likewise
+        self._no_more = np.zeros(n)  # m, beyond the points
+        self._lead(nowhere.position, nowhere, self._no_more)  # compiled, or fetched, before takeoff
 
     def velocity(self, estimate: Estimate, goals: Goals, beyond: Array | None = None) -> Array:
         """Return the (N, 3) velocity to fly, m/s.
@@ -59,12 +60,10 @@ class PositionController:
             goals: The points to fly towards now.
             beyond: (N,) distance behind its point at which each agent stops, along a path, m.
         """
-        if beyond is None:
-            beyond = np.zeros(len(goals.speed))
-        fresh = (goals.position != self._point).any(axis=1) | ~self._under_way
-        self._begin = np.where(fresh[:, None], estimate.position, self._begin)
+        beyond = self._no_more if beyond is None else beyond
+        velocity = self._lead(estimate.position, goals, beyond)
         self._point, self._under_way = goals.position, goals.active & estimate.valid
-        return self._lead(estimate.position, goals, beyond)
+        return velocity
 
     def _lead(self, position: Array, goals: Goals, beyond: Array) -> Array:
         velocity = np.empty((len(position), 3))
@@ -72,6 +71,8 @@ class PositionController:
             velocity,
             position,
             self._begin,
+            self._point,
+            self._under_way,
             goals.position,
             goals.velocity,
             goals.speed,
@@ -102,6 +103,8 @@ def lead(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apart quickes
     velocity: Array,
     position: Array,
     begin: Array,
+    last: Array,
+    under_way: Mask,
     point: Array,
     moves: Array,
     fast: Array,
@@ -117,7 +120,9 @@ def lead(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apart quickes
     Args:
         velocity: (N, 3) the result, m/s.
         position: (N, 3) of the agents, m.
-        begin: (N, 3) where they began to fly to the points, m.
+        begin: (N, 3) where they began to fly to the points, m; set where that is now.
+        last: (N, 3) the points in the last tick, m.
+        under_way: (N,) whether they flew to these.
         point: (N, 3) of the goals, m.
         moves: (N, 3) velocities of the goals, m/s.
         fast: (N,) speeds of the goals, m/s.
@@ -129,6 +134,12 @@ def lead(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apart quickes
         high: Greatest height, m.
     """
     for row in range(len(position)):
+        fresh = not under_way[row]
+        for axis in range(3):
+            fresh = fresh or point[row, axis] != last[row, axis]
+        if fresh:
+            for axis in range(3):
+                begin[row, axis] = position[row, axis]
         x, y = point[row, 0] - position[row, 0], point[row, 1] - position[row, 1]
         height = min(max(point[row, 2], low), high)
         off = _height_error(position[row], begin[row], point[row], height)

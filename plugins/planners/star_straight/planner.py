@@ -20,14 +20,15 @@ class Straight:
     def plan(self, estimate: Estimate, goals: Goals) -> Plan:
         active = goals.active & estimate.valid
         velocity = self._homing.velocity(estimate, goals)
-        setpoint = Setpoint(
-            velocity=np.where(active[:, None], velocity, 0.0),
-            yaw=self._homing.heading(estimate, goals, active),
-            active=active,
+        yaw = self._homing.heading(estimate, goals, active)
+        rows = active.nonzero()[0]
+        if len(rows) < len(active):
+            velocity[~active] = 0.0
+        ends = np.empty((2 * len(rows), 3))  # from here to the goal
+        ends[::2] = estimate.position[rows]
+        ends[1::2] = goals.position[rows]
+        return Plan(
+            Setpoint(velocity, yaw, active),
+            Paths(agent=rows.repeat(2), point=ends),
+            unreachable=np.zeros(len(active), np.bool_),
         )
-        rows = np.flatnonzero(active)
-        ends = np.empty((len(rows), 2, 3))  # from here to the goal
-        ends[:, 0] = estimate.position[rows]
-        ends[:, 1] = goals.position[rows]
-        paths = Paths(agent=rows.repeat(2), point=ends.reshape(-1, 3))
-        return Plan(setpoint, paths, unreachable=np.zeros(len(active), np.bool_))
