@@ -185,7 +185,10 @@ def every(mask: Mask) -> bool:
 
 
 def frozen(array: Values) -> Values:
-    """Return an array that is not written to any more, read-only: a table takes it as it is."""
+    """Return an array that is not written to any more, read-only: a table takes it as it is.
+
+    Others are copied. The array must own its data: a slice of another array is copied, too.
+    """
     array.setflags(write=False)
     return array
 

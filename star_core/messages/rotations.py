@@ -73,11 +73,12 @@ class Transform(Table):
         >>> quarter.turn(np.array([[1.0, 0.0, 0.5]])).round(9)
         array([[0. , 1. , 0.5]])
         """
-        return _turned(self.yaw, vectors)
+        return _turned(vectors, *_cos_sin(self.yaw))
 
     def turn_back(self, vectors: Array) -> Array:
         """Rotate (N, 3) vectors by the inverse, without the translation."""
-        return _turned(-self.yaw, vectors)
+        cos, sin = _cos_sin(self.yaw)
+        return _turned(vectors, cos, -sin)
 
     def apply(self, points: Array) -> Array:
         """Transform (N, 3) points, one per agent."""
@@ -195,14 +196,27 @@ def quaternion_from_euler(roll: Any, pitch: Any, yaw: Any) -> Array:
     return quaternion
 
 
-def _turned(yaw: Array, vectors: Array) -> Array:
-    """Rotate (N, 3) vectors about z by (N,) angles, rad."""
-    cos, sin = np.cos(yaw), np.sin(yaw)
+def _turned(vectors: Array, cos: Array, sin: Array) -> Array:
+    """Rotate (N, 3) vectors about z by angles with (N,) cosines and sines."""
     turned = vectors.copy()
     x, y = vectors[:, 0], vectors[:, 1]
     turned[:, 0] = cos * x - sin * y
     turned[:, 1] = sin * x + cos * y
     return turned
+
+
+_last: tuple[Array, Array, Array] | None = None  # angles, of a table, their cosines and sines
+
+
+def _cos_sin(yaw: Array) -> tuple[Array, Array]:
+    """Return the (N,) cosines and sines of (N,) angles of a table, which is read-only.
+
+    Several stages of a tick need those of the same table.
+    """
+    global _last  # noqa: PLW0603 -- a result that is used again
+    if _last is None or _last[0] is not yaw:
+        _last = yaw, np.cos(yaw), np.sin(yaw)
+    return _last[1], _last[2]
 
 
 _IDENTITY = np.eye(3)

@@ -14,6 +14,7 @@ from star_core.geometry.obstacles import footprint as footprint
 from star_core.geometry.obstacles import obstacle_meshes as obstacle_meshes
 from star_core.inner_plugins import check_inner as check_inner
 from star_core.inner_plugins import make_inner as make_inner
+from star_core.messages.arrays import frozen as frozen
 from star_core.messages.faults import Fault as Fault
 from star_core.messages.position_margin import ALONE_SHARE as ALONE_SHARE
 from star_core.messages.position_margin import MAX_MARGIN_RATIO as MAX_MARGIN_RATIO

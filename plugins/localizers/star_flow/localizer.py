@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from star_core import Estimate, Scene, Telemetry, Transform
-from star_core.toolkit import wrap_angle
+from star_core.toolkit import frozen, wrap_angle
 from star_flow.drift import ArtificialError, drift_of
 from star_flow.target_sightings import TargetSightings
 
@@ -60,11 +60,11 @@ class Flow:
         covariance += self._variance
         return Estimate(
             time=telemetry.time,
-            position=self._position,
-            velocity=velocity,
-            yaw=self._yaw,
-            covariance=covariance,
-            valid=known & (telemetry.age <= self._max_report_age),
+            position=frozen(self._position),
+            velocity=frozen(velocity),
+            yaw=frozen(self._yaw),
+            covariance=frozen(covariance),
+            valid=frozen(known & (telemetry.age <= self._max_report_age)),
             map_from_odom=self._map_from_odom,
             sightings=self._targets.locate(
                 telemetry, self._map_from_odom, self._position, covariance

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from star_core import Estimate, Goals, Paths, Plan, Scene, Setpoint
-from star_core.toolkit import PositionController
+from star_core.toolkit import PositionController, frozen
 
 
 class Straight:
@@ -28,7 +28,7 @@ class Straight:
         ends[::2] = estimate.position[rows]
         ends[1::2] = goals.position[rows]
         return Plan(
-            Setpoint(velocity, yaw, active),
-            Paths(agent=rows.repeat(2), point=ends),
-            unreachable=np.zeros(len(active), np.bool_),
+            Setpoint(frozen(velocity), frozen(yaw), frozen(active)),
+            Paths(agent=frozen(rows.repeat(2)), point=frozen(ends)),
+            unreachable=frozen(np.zeros(len(active), np.bool_)),
         )

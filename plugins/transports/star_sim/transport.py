@@ -27,7 +27,7 @@ from star_core import (
     Trajectory,
     Truth,
 )
-from star_core.toolkit import Fault
+from star_core.toolkit import Fault, frozen
 from star_sim import commander
 from star_sim.aerodynamics import COLUMNS, Wind
 from star_sim.airframe import STEP, STEPS_PER_CYCLE
@@ -222,10 +222,14 @@ class Simulator:
         report(drones, now, attitude, state)
         state[self._queue.coming_down()] |= int(Supervisor.COMMANDER_FINISHED)
         odometry = self._odometry()
-        position, velocity = drones["believed_position"], drones["believed_velocity"]
-        age, force = np.zeros(n), self.sample[:, 11:].copy()
         if self._link is not None:
             position, velocity, attitude, age, force = self._link.reports(now)
+        else:
+            position, velocity = (
+                drones["believed_position"].copy(),
+                drones["believed_velocity"].copy(),
+            )
+            age, force = np.zeros(n), self.sample[:, 11:].copy()
         frames, detections = Frames.none(), Detections.none()
         if self._cameras is not None:
             frames, detections = self._cameras.arrived(now)
@@ -234,18 +238,18 @@ class Simulator:
             fixes = self._positioning.arrived(now)
         return Telemetry(
             time=self._step // STEPS_PER_CYCLE * STEPS_PER_CYCLE * STEP,
-            position=position,
-            velocity=velocity,
-            attitude=attitude,
-            battery=drones["voltage"],
-            state=state,
-            age=age,
+            position=frozen(position),
+            velocity=frozen(velocity),
+            attitude=frozen(attitude),
+            battery=frozen(drones["voltage"].copy()),
+            state=frozen(state),
+            age=frozen(age),
             odometry=odometry,
             frames=frames,
             detections=detections,
             fixes=fixes,
-            lands_by=self._lands_by.copy(),
-            specific_force=force,
+            lands_by=frozen(self._lands_by.copy()),
+            specific_force=frozen(force),
         )
 
     def command(self, command: Command) -> None:
@@ -370,13 +374,13 @@ class Simulator:
             cycles, n, _ = table.shape
             agent, rows = np.tile(np.arange(n), cycles), table.reshape(cycles * n, SAMPLE)
         return Odometry(
-            agent=agent,
-            time=rows[:, 0],
-            velocity=rows[:, 1:4],
-            yaw_rate=rows[:, 4],
-            roll=rows[:, 5],
-            pitch=rows[:, 6],
-            height=rows[:, 7],
+            agent=frozen(agent),
+            time=frozen(rows[:, 0].copy()),
+            velocity=frozen(rows[:, 1:4].copy()),
+            yaw_rate=frozen(rows[:, 4].copy()),
+            roll=frozen(rows[:, 5].copy()),
+            pitch=frozen(rows[:, 6].copy()),
+            height=frozen(rows[:, 7].copy()),
         )
 
 
