@@ -10,10 +10,12 @@ from typing import Self
 import numpy as np
 
 from star_core.messages.arrays import Array, Mask, Rows, every
-from star_core.toolkit.jit import compiled
+from star_core.toolkit.jit import compiled, subroutine
 
 MANY = 64
 """Agents from which on neighbours are found in the order of x, by a kernel; below, by all pairs."""
+
+ROUNDING = 1e-9  # share of a distance, and m, that covers its rounding
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,9 +51,7 @@ class Pairs:
             first, second = _every_pair(len(position))
             return cls(first, second, _apart(position, first, second)).within(reach)
         order = np.argsort(position[:, 0])
-        found = _swept(np.ascontiguousarray(position[order]), float(reach))
-        one, other = order[found[0]], order[found[1]]
-        first, second = np.minimum(one, other), np.maximum(one, other)
+        first, second = _swept(position[order], order, float(reach))
         return cls(first, second, _apart(position, first, second))
 
     def within(self, reach: float) -> Self:
@@ -75,28 +75,76 @@ def warm_up(agents: int) -> None:
 
 
 @compiled
-def _swept(position: Array, reach: float) -> Rows:
-    """Return (2, P) rows of those nearer than `reach`, m; (N, 3) m stand in the order of x."""
+def _swept(  # noqa: C901, PLR0912 -- one loop over agents, strips and neighbors
+    position: Array, order: Rows, reach: float
+) -> tuple[Rows, Rows]:
+    """Return the rows of those nearer than `reach`, m, the smaller row first.
+
+    The plane is cut into strips along x; those near an agent are in its strip or in the next ones.
+    The pairs are in the order of x of the first agent, and then of the other.
+
+    Args:
+        position: (N, 3) m, in the order of x.
+        order: (N,) their rows in the swarm.
+        reach: m.
+    """
     n, count = len(position), 0
-    rows = np.empty((2, 4 * n), np.int64)
+    low, high = math.inf, -math.inf
     for i in range(n):
+        if math.isfinite(position[i, 1]):
+            low, high = min(low, position[i, 1]), max(high, position[i, 1])
+    width = max(reach * (1 + ROUNDING), (high - low) / n, ROUNDING)  # m; at most N + 1 strips
+    strip, member = np.empty(n, np.int64), np.empty(n, np.int64)
+    start, end = np.zeros(n + 4, np.int64), np.zeros(n + 4, np.int64)
+    for i in range(n):
+        finite = math.isfinite(position[i, 1])
+        strip[i] = 1 + int((position[i, 1] - low) / width) if finite else -1
+        if finite:
+            end[strip[i]] += 1
+    for k in range(1, n + 4):
+        start[k] = start[k - 1] + end[k - 1]
+        end[k - 1] = start[k - 1]
+    for i in range(n):
+        if strip[i] >= 0:
+            member[end[strip[i]]] = i
+            end[strip[i]] += 1
+    first, second = np.empty(4 * n, np.int64), np.empty(4 * n, np.int64)
+    for i in range(n):
+        if strip[i] < 0:
+            continue
         x, y, z = position[i, 0], position[i, 1], position[i, 2]
-        for j in range(i + 1, n):
-            ahead = position[j, 0] - x
-            if not ahead < reach:  # what is NaN is not, and stands last
-                break
-            aside, above = position[j, 1] - y, position[j, 2] - z
-            if not -reach < aside < reach:
-                continue
-            if math.sqrt(ahead * ahead + aside * aside + above * above) < reach:
-                if count == rows.shape[1]:
-                    more = np.empty((2, 2 * count), np.int64)
-                    for k in range(count):  # a slice would take seconds to compile
-                        more[0, k], more[1, k] = rows[0, k], rows[1, k]
-                    rows = more
-                rows[0, count], rows[1, count] = i, j
+        begin = count
+        for near in range(strip[i] - 1, strip[i] + 2):
+            while start[near] < end[near] and member[start[near]] <= i:
+                start[near] += 1  # those before are done
+            for k in range(start[near], end[near]):
+                j = member[k]
+                ahead, aside, above = position[j, 0] - x, position[j, 1] - y, position[j, 2] - z
+                if not ahead < reach:  # what is NaN is not, and stands last
+                    break
+                if not math.sqrt(ahead * ahead + aside * aside + above * above) < reach:
+                    continue
+                if count == len(first):
+                    first, second = longer(first), longer(second)
+                slot = count
+                while slot > begin and second[slot - 1] > j:  # in the order of x
+                    second[slot] = second[slot - 1]
+                    slot -= 1
+                first[count], second[slot] = i, j
                 count += 1
-    return rows[:, :count]
+    for k in range(count):
+        one, other = order[first[k]], order[second[k]]
+        first[k], second[k] = min(one, other), max(one, other)
+    return first[:count], second[:count]
+
+
+@subroutine
+def longer(values: Rows) -> Rows:
+    """Return an array of twice the length that begins with some values."""
+    more = np.empty(2 * len(values), np.int64)
+    for k in range(len(values)):  # a slice would take seconds to compile
+        more[k] = values[k]
+    return more
 
 
 def _apart(position: Array, first: Rows, second: Rows) -> Array:

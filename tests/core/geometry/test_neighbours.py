@@ -48,3 +48,13 @@ def test_two_at_the_reach_are_no_pair(n: int) -> None:
     position = np.arange(n)[:, None] * [1.0, 0.0, 0.0]
     assert not len(Pairs.of(position, 1.0).first)
     assert len(Pairs.of(position, np.nextafter(1.0, 2.0)).first) == n - 1
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_infinite_positions_are_in_no_pair_and_hide_none(axis: int) -> None:
+    position = np.random.default_rng(axis).uniform(-3, 3, (2 * MANY, 3))
+    position[::5, axis], position[::7, axis] = np.inf, -np.inf
+    finite = np.flatnonzero(np.isfinite(position).all(axis=1))
+    near, alone = Pairs.of(position, 1.0), Pairs.of(position[finite], 1.0)
+    assert near.first.tolist() == finite[alone.first].tolist()
+    assert near.second.tolist() == finite[alone.second].tolist()
