@@ -92,18 +92,18 @@ def _ablate(study: Study, folder: Path, workers: int, *, record: bool = False) -
     replace_file(folder / "study.json", json.dumps(about, indent=2) + "\n")
     runs = list(study.runs())
     with closing(Journal(folder / JOURNAL)) as journal, _interrupts() as interrupts:
-        found = {run.key: journal.done[run.key] for run in runs if run.key in journal.done}
-        missing = [run for run in runs if run.key not in found]
+        results_by_key = {run.key: journal.done[run.key] for run in runs if run.key in journal.done}
+        missing = [run for run in runs if run.key not in results_by_key]
         jobs = [Job(run.mission(), _record(folder, run) if record else None) for run in missing]
         log, limit = folder / "log.txt", study.time_limit
         flights = fly_all(jobs, workers, log, limit, stopped=lambda: bool(interrupts))
-        progress = StudyProgress(study.name, len(runs), len(found), workers)
+        progress = StudyProgress(study.name, len(runs), len(results_by_key), workers)
         with progress, closing(flights):
             for index, result in flights:
-                found[missing[index].key] = result
+                results_by_key[missing[index].key] = result
                 journal.add(missing[index], result)
                 progress.add(missing[index], result)
-    done = [(run, found[run.key]) for run in runs if run.key in found]
+    done = [(run, results_by_key[run.key]) for run in runs if run.key in results_by_key]
     flown = study_results(done, interrupted=bool(interrupts))
     replace_file(folder / "results.csv", flown.as_csv(study.factors, study.measures))
     replace_file(folder / TABLE, as_markdown(study, done))
@@ -132,10 +132,10 @@ def _interrupts() -> Iterator[list[int]]:
 
 def _unknown_measures(study: Study, done: Sequence[tuple[Run, Result]]) -> Iterator[str]:
     """Yield a line for each measure that no summary has, most likely a typing error."""
-    known = {path for _, result in done for path in paths(result.summary or {})}
-    for measure in study.measures if known else ():
-        if measure not in known and measure not in STUDY_COLUMNS:
-            yield f"no run has the measure {measure!r}{suggestion(measure, known)}"
+    measured = {path for _, result in done for path in paths(result.summary or {})}
+    for measure in study.measures if measured else ():
+        if measure not in measured and measure not in STUDY_COLUMNS:
+            yield f"no run has the measure {measure!r}{suggestion(measure, measured)}"
 
 
 def _record(folder: Path, run: Run) -> Path:

@@ -117,5 +117,5 @@ class StudyProgress(Progress):
 
     def _outcomes(self) -> str:
         others = [f"{count} {outcome}" for outcome, count in self._others.items()]
-        known = [f"{self.rate():.1f} s per flight"] if self.done > self.before else []
-        return ", ".join([*others, *known])
+        rate = [f"{self.rate():.1f} s per flight"] if self.done > self.before else []
+        return ", ".join([*others, *rate])

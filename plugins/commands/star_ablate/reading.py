@@ -139,7 +139,7 @@ def _conditions(
     combos = [dict(zip(factors, names, strict=True)) for names in product(*factors.values())]
     with Progress("checking", len(files) * len(combos), unit="missions") as progress:
         for file in files:
-            found: dict[str, list[str]] = {}
+            labels_by_problem: dict[str, list[str]] = {}
             for levels in combos:
                 try:
                     mission = _load(file, levels, factors, registry, document)
@@ -147,11 +147,11 @@ def _conditions(
                 except InputError as error:
                     label = ", ".join(f"{name}: {level}" for name, level in levels.items())
                     for problem in dict.fromkeys(error.problems):
-                        found.setdefault(problem, []).append(label)
+                        labels_by_problem.setdefault(problem, []).append(label)
                 progress.done += 1
             problems += [
                 problem if len(labels) == len(combos) else _with_level(problem, labels[0])
-                for problem, labels in found.items()
+                for problem, labels in labels_by_problem.items()
             ]
     if problems:
         raise InputError(list(dict.fromkeys(problems)))  # a level may be wrong in every mission
@@ -193,15 +193,15 @@ def _load(
 
 
 def _seeds(
-    given: int | list[int] | Mapping[str, int] | str, wanted: int | None
+    spec: int | list[int] | Mapping[str, int] | str, number: int | None
 ) -> tuple[int, ...] | None:
-    if isinstance(given, str):
+    if isinstance(spec, str):
         return None
-    if isinstance(given, int):
-        given = {"count": given}
-    if isinstance(given, Mapping):
-        first = given.get("first", 0)
-        given = list(range(first, first + given["count"]))
-    if wanted is None:
-        return tuple(given)
-    return (*given[:wanted], *islice(count(max(given) + 1), max(0, wanted - len(given))))
+    if isinstance(spec, int):
+        spec = {"count": spec}
+    if isinstance(spec, Mapping):
+        first = spec.get("first", 0)
+        spec = list(range(first, first + spec["count"]))
+    if number is None:
+        return tuple(spec)
+    return (*spec[:number], *islice(count(max(spec) + 1), max(0, number - len(spec))))

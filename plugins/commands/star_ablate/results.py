@@ -135,12 +135,12 @@ def _rows(study: Study, results: Results, measures: Sequence[str]) -> Iterator[l
         yield cells
 
 
-def _formatted(found: Statistics, runs: int) -> str:
-    fewer = f" (n {found.n})" if found.n < runs else ""
-    if math.isnan(found.std):
-        return f"{_short(found.mean)}{fewer}"
-    low, high = found.mean - found.half_width, found.mean + found.half_width
-    return f"{_short(found.mean)} ± {_short(found.std)} [{_short(low)}, {_short(high)}]{fewer}"
+def _formatted(value: Statistics, runs: int) -> str:
+    fewer = f" (n {value.n})" if value.n < runs else ""
+    if math.isnan(value.std):
+        return f"{_short(value.mean)}{fewer}"
+    low, high = value.mean - value.half_width, value.mean + value.half_width
+    return f"{_short(value.mean)} ± {_short(value.std)} [{_short(low)}, {_short(high)}]{fewer}"
 
 
 def _short(value: float) -> str:

@@ -83,8 +83,8 @@ class Study:
         """Every flight, in the order of the results: by condition, then by seed."""
         for condition in self.conditions:
             digest = _digest(condition)
-            own = (condition.mission.scene.seed,)
-            for seed in own if self.seeds is None else self.seeds:
+            of_mission = (condition.mission.scene.seed,)
+            for seed in of_mission if self.seeds is None else self.seeds:
                 yield Run(condition, seed, f"{digest}-{seed}")
 
 

@@ -50,12 +50,14 @@ class Board(NamedTuple):
         detector made focal lengths 0.8 % too long in rendered images of 324 x 244 px.
         """
         size = self.columns, self.rows
-        found, corners = cv2.findChessboardCorners(
+        detected, corners = cv2.findChessboardCorners(
             image, size, flags=cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
         )
-        if not found:
-            found, corners = cv2.findChessboardCornersSB(image, size, flags=cv2.CALIB_CB_ACCURACY)
-        if not found:
+        if not detected:
+            detected, corners = cv2.findChessboardCornersSB(
+                image, size, flags=cv2.CALIB_CB_ACCURACY
+            )
+        if not detected:
             return None
         grid = np.asarray(corners, np.float32).reshape(self.rows, self.columns, 2)
         apart = min(np.linalg.norm(np.diff(grid, axis=axis), axis=2).min() for axis in (0, 1))
@@ -78,7 +80,7 @@ class Views(NamedTuple):
 
     width: int  # of every image, px
     height: int  # px
-    found: tuple[View, ...]  # those with the board
+    with_board: tuple[View, ...]  # those with the board
     without: tuple[str, ...]  # names of the files without it
 
 
@@ -102,16 +104,18 @@ def find_views(names: Sequence[str], board: Board, pixels: str = "gray") -> View
     if sizes := list(_sizes(images)):
         raise InputError(sizes, "wrong-image-size")
     height, width = next(iter(images.values())).shape
-    seen: dict[str, Any] = {}
+    corners_by_name: dict[str, Any] = {}
     with Progress("finding the board", len(images), unit="images") as progress:
         for name, image in images.items():
-            seen[name] = board.find(image)
+            corners_by_name[name] = board.find(image)
             progress.done += 1
     return Views(
         width,
         height,
-        tuple(View(name, corners) for name, corners in seen.items() if corners is not None),
-        tuple(name for name, corners in seen.items() if corners is None),
+        tuple(
+            View(name, corners) for name, corners in corners_by_name.items() if corners is not None
+        ),
+        tuple(name for name, corners in corners_by_name.items() if corners is None),
     )
 
 

@@ -92,11 +92,11 @@ def configure(line: argparse.ArgumentParser) -> None:
 
 def as_text(lens: Lens, views: Views) -> str:
     """Return a report on the quality of a lens, several lines."""
-    used = {seen.name: f"{seen.error:.3f} px at {seen.distance:.2f} m" for seen in lens.used}
-    rejected = {seen.name: f"rejected: {seen.error:.3f} px" for seen in lens.rejected}
+    used = {fit.name: f"{fit.error:.3f} px at {fit.distance:.2f} m" for fit in lens.used}
+    rejected = {fit.name: f"rejected: {fit.error:.3f} px" for fit in lens.rejected}
     values = zip(("fx", "fy", "cx", "cy"), lens.matrix, lens.deviation, strict=True)
     lines = [
-        *(f"{view.name}: {(used | rejected)[view.name]}" for view in views.found),
+        *(f"{view.name}: {(used | rejected)[view.name]}" for view in views.with_board),
         *(f"{name}: no board" for name in views.without),
         f"RMS {lens.error:.3f} px over {len(lens.used)} images",
         *(f"{name} {value:.2f} +- {deviation:.2f} px" for name, value, deviation in values),
@@ -143,15 +143,15 @@ def as_lines(name: str, out: Path) -> str:
     )
 
 
-def _name(given: str | None, out: str | None) -> str:
-    """Return the camera's name in missions: as given, or that of its file."""
-    if given is None:
+def _name(name: str | None, out: str | None) -> str:
+    """Return the camera's name in missions: that of the option, or of its file."""
+    if name is None:
         stem = "" if out is None else Path(out).stem
         return stem if NAME.fullmatch(stem) else DEFAULT_NAME
-    if not NAME.fullmatch(given):
+    if not NAME.fullmatch(name):
         expected = "a letter, then letters, digits, '_' and '-', and not 'all'"
-        raise InputError(f"--name {given!r}: expected {expected}", "invalid-argument")
-    return given
+        raise InputError(f"--name {name!r}: expected {expected}", "invalid-argument")
+    return name
 
 
 def _check_replaceable(out: Path, registry: Registry) -> None:
@@ -169,11 +169,11 @@ def _check_replaceable(out: Path, registry: Registry) -> None:
 
 def _board(size: str, square: float) -> Board:
     """Return the board that the arguments describe."""
-    found = re.fullmatch(r"(\d{1,3})x(\d{1,3})", size)
-    if found is None or min(map(int, found.groups())) < MIN_CORNERS:
+    match = re.fullmatch(r"(\d{1,3})x(\d{1,3})", size)
+    if match is None or min(map(int, match.groups())) < MIN_CORNERS:
         expected = f"inner corners as 9x6, at least {MIN_CORNERS} each way"
         raise InputError(f"--board {size!r}: expected {expected}", "invalid-argument")
     if not 0 < square <= MAX_SQUARE:
         expected = f"the edge of a square in m, as 0.025, at most {MAX_SQUARE:g}"
         raise InputError(f"--square {square:g}: expected {expected}", "invalid-argument")
-    return Board(int(found[1]), int(found[2]), square)
+    return Board(int(match[1]), int(match[2]), square)

@@ -23,7 +23,7 @@ LENS: Final = 8  # parameters of all images: fx, fy, cx, cy, k1, k2, p1, p2
 SINGULAR: Final = 1e-12  # information of an unconstrained parameter, by rounding
 
 
-class Seen(NamedTuple):
+class Fit(NamedTuple):
     """Fit of one image."""
 
     name: str  # of its file
@@ -40,8 +40,8 @@ class Lens(NamedTuple):
     deviation: tuple[float, ...]  # standard deviation of each of these, px
     distortion: tuple[float, ...]  # k1, k2, p1, p2, k3; k3 is fixed at 0
     error: float  # RMS distance of all corners from their projections, px
-    used: tuple[Seen, ...]  # the images it is based on
-    rejected: tuple[Seen, ...]  # images that fit much worse than the others, with their errors
+    used: tuple[Fit, ...]  # the images it is based on
+    rejected: tuple[Fit, ...]  # images that fit much worse than the others, with their errors
     covered: float  # share of the image's cells with a corner
 
 
@@ -56,18 +56,18 @@ def solve(views: Views, board: Board) -> Lens:
         InputError: There are too few images, they do not fit, or they do not determine the focal
             length.
     """
-    found, rejected = list(views.found), list[Seen]()
+    usable, rejected = list(views.with_board), list[Fit]()
     while True:
-        if len(found) < MIN_IMAGES:
+        if len(usable) < MIN_IMAGES:
             raise InputError(_too_few(views, board, rejected), "calibration-failed")
-        lens = _solved(views, found, board)
-        limit = OUTLIER * statistics.median(seen.error for seen in lens.used)
-        poor = [seen for seen in lens.used if seen.error > limit]
+        lens = _solved(views, usable, board)
+        limit = OUTLIER * statistics.median(fit.error for fit in lens.used)
+        poor = [fit for fit in lens.used if fit.error > limit]
         if not poor:
             break
         rejected += poor
-        names = {seen.name for seen in poor}
-        found = [view for view in found if view.name not in names]
+        names = {fit.name for fit in poor}
+        usable = [view for view in usable if view.name not in names]
     _check(lens, board)
     return lens._replace(rejected=tuple(rejected))
 
@@ -113,11 +113,11 @@ def deviations(
     return tuple(map(float, deviation[:4]))
 
 
-def _solved(views: Views, found: Sequence[View], board: Board) -> Lens:
+def _solved(views: Views, usable: Sequence[View], board: Board) -> Lens:
     try:
         error, matrix, bend, turns, positions, _, _, errors = cv2.calibrateCameraExtended(
-            [board.points.astype(np.float32)] * len(found),
-            [view.corners for view in found],
+            [board.points.astype(np.float32)] * len(usable),
+            [view.corners for view in usable],
             (views.width, views.height),
             np.eye(3),
             np.zeros(5),
@@ -144,11 +144,11 @@ def _solved(views: Views, found: Sequence[View], board: Board) -> Lens:
         distortion=tuple(map(float, np.ravel(distortion)[:5])),
         error=float(error),
         used=tuple(
-            Seen(view.name, float(poor), distance)
-            for view, poor, distance in zip(found, np.ravel(errors), distances, strict=True)
+            Fit(view.name, float(poor), distance)
+            for view, poor, distance in zip(usable, np.ravel(errors), distances, strict=True)
         ),
         rejected=(),
-        covered=_covered(np.concatenate([view.corners for view in found]), views),
+        covered=_covered(np.concatenate([view.corners for view in usable]), views),
     )
 
 
@@ -157,11 +157,11 @@ def _covered(corners: Corners, views: Views) -> float:
     return len({tuple(cell) for cell in cells.tolist()}) / (CELLS[0] * CELLS[1])
 
 
-def _too_few(views: Views, board: Board, rejected: Sequence[Seen]) -> list[str]:
-    usable = len(views.found) - len(rejected)
+def _too_few(views: Views, board: Board, rejected: Sequence[Fit]) -> list[str]:
+    usable = len(views.with_board) - len(rejected)
     return [
         *(f"{name}: no board of {board} inner corners found" for name in views.without),
-        *(f"{seen.name}: fits {seen.error:.2f} px poorly" for seen in rejected),
+        *(f"{fit.name}: fits {fit.error:.2f} px poorly" for fit in rejected),
         f"{usable} images with a board of {board} inner corners are too few, expected at least"
         f" {MIN_IMAGES}; take more, with the whole board in each, or correct --board",
     ]
@@ -174,7 +174,7 @@ def _check(lens: Lens, board: Board) -> None:
         InputError: They are too large.
     """
     if not lens.error <= MAX_ERROR:
-        worst = max(lens.used, key=lambda seen: seen.error)
+        worst = max(lens.used, key=lambda fit: fit.error)
         problems = [
             f"{worst.name}: fits worst, {worst.error:.2f} px",
             f"the images fit {lens.error:.2f} px RMS, expected at most {MAX_ERROR:g} px; is the"

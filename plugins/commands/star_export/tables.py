@@ -39,12 +39,12 @@ def tum_files(run: Run) -> Iterator[tuple[str, str]]:
     level = np.stack([0 * half, 0 * half, np.sin(half), np.cos(half)], axis=2)
     flying = in_flight(run)
     for i, name in enumerate(run.agents):
-        known = np.isfinite(estimate[:, i].sum(axis=1) + half[:, i])
-        yield f"{name}-estimate.tum", _poses(time, estimate[:, i], level[:, i], known)
+        finite = np.isfinite(estimate[:, i].sum(axis=1) + half[:, i])
+        yield f"{name}-estimate.tum", _poses(time, estimate[:, i], level[:, i], finite)
         if "truth_position" in run.arrays:
             true, attitude = run.arrays["truth_position"][:, i], run.arrays["truth_attitude"][:, i]
-            known = np.isfinite(attitude).all(axis=1, keepdims=True)  # may be positions only
-            attitude = np.where(known, attitude, [0.0, 0.0, 0.0, 1.0])
+            finite = np.isfinite(attitude).all(axis=1, keepdims=True)  # may be positions only
+            attitude = np.where(finite, attitude, [0.0, 0.0, 0.0, 1.0])
             counted = flying[:, i] & np.isfinite((estimate[:, i] - true).sum(axis=1))
             yield f"{name}-ground_truth.tum", _poses(time, true, attitude, counted)
 
@@ -61,8 +61,8 @@ def in_flight(run: Run) -> Mask:
     return mask
 
 
-def _poses(time: Array, position: Array, attitude: Array, known: Mask) -> str:
-    return _lines([time[known], *position[known].T, *attitude[known].T], " ")
+def _poses(time: Array, position: Array, attitude: Array, rows: Mask) -> str:
+    return _lines([time[rows], *position[rows].T, *attitude[rows].T], " ")
 
 
 def _lines(columns: list[Array], separator: str) -> str:

@@ -35,8 +35,8 @@ STAGES: Final = {
 def series(run: Run) -> Iterator[tuple[str, str, Figure]]:
     """Yield title, caption and figure of what is plotted over time."""
     time = run.arrays["time"]
-    if (found := errors(run)) is not None:
-        error, bound = found
+    if (bounded_error := errors(run)) is not None:
+        error, bound = bounded_error
         lines = []
         for i, name in enumerate(run.agents):
             lines += [
@@ -177,7 +177,7 @@ def _approaches(
         obstacles: Whether to return collisions with obstacles, or those between agents.
     """
     tick = nearest.tick if nearest.tick is not None else 0
-    found = [(float(run.arrays["time"][tick]), nearest.least, nearest.text)]
+    approaches = [(float(run.arrays["time"][tick]), nearest.least, nearest.text)]
     for event in run.summary["events"]:
         details = event.get("details") or {}
         if event["kind"] in APPROACHES and ("obstacle" in details) == obstacles:
@@ -185,5 +185,9 @@ def _approaches(
             at = int(np.searchsorted(run.arrays["time"], time))
             distance = float(nearest.distance[min(at, len(nearest.distance) - 1)])
             if np.isfinite(distance):
-                found.append((time, distance, escape(event["text"])))
-    return [one[0] for one in found], [one[1] for one in found], [one[2] for one in found]
+                approaches.append((time, distance, escape(event["text"])))
+    return (
+        [approach[0] for approach in approaches],
+        [approach[1] for approach in approaches],
+        [approach[2] for approach in approaches],
+    )

@@ -28,13 +28,17 @@ def images(run: Run) -> Iterator[str]:
     """
     saved = [path for agent in run.agents for path in run.images(agent).values()]
     saved.sort(key=lambda path: (path.stem, path.parent))
-    found = run.detections
+    detections = run.detections
     tags: dict[tuple[str, int], list[int]] = {}  # rows of the detections in each image
-    for k, (row, time) in enumerate(zip(found.agent.tolist(), found.time.tolist(), strict=True)):
+    for k, (row, time) in enumerate(
+        zip(detections.agent.tolist(), detections.time.tolist(), strict=True)
+    ):
         tags.setdefault((run.agents[row], round(1000 * time)), []).append(k)
     with_tags = [path for path in saved if _key(path) in tags]
     chosen = _spread(with_tags or saved, MAX_IMAGES)
-    shown = [_shown(path, found.of(np.array(tags.get(_key(path), []), int))) for path in chosen]
+    shown = [
+        _shown(path, detections.of(np.array(tags.get(_key(path), []), int))) for path in chosen
+    ]
     if not shown:
         return
     title = "Images with detected tags" if with_tags else "Camera images"
@@ -62,24 +66,24 @@ def _spread(items: Sequence[Item], most: int) -> list[Item]:
     return [items[k] for k in np.linspace(0, len(items) - 1, most).round().astype(int)]
 
 
-def _shown(path: Path, found: Detections) -> str:
+def _shown(path: Path, detections: Detections) -> str:
     """Return an image with its tags; nothing if it cannot be read."""
     gray = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
     if gray is None:
         return ""
-    pixels = image_with_tags(np.asarray(gray, np.uint8), found, WIDTH)
+    pixels = image_with_tags(np.asarray(gray, np.uint8), detections, WIDTH)
     _, jpeg = cv2.imencode(".jpg", pixels[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
     source = base64.b64encode(jpeg.tobytes()).decode()
-    caption = escape(_caption(path, found))
+    caption = escape(_caption(path, detections))
     return (
         f'<figure><img alt="" src="data:image/jpeg;base64,{source}">'
         f"<figcaption>{caption}</figcaption></figure>"
     )
 
 
-def _caption(path: Path, found: Detections) -> str:
+def _caption(path: Path, detections: Detections) -> str:
     agent, time = _key(path)
-    reasons = zip(found.tag, found.rejected, strict=True)
+    reasons = zip(detections.tag, detections.rejected, strict=True)
     tags = [f"{tag} ({reason})" if reason else f"{tag}" for tag, reason in reasons]
     many = "tag" if len(tags) == 1 else "tags"
     return f"{agent}, {time / 1000:.2f} s" + (f": {many} {', '.join(tags)}" if tags else "")

@@ -83,10 +83,10 @@ def clearance(run: Run) -> Nearest:
     obstacles = run.world.obstacles
     if not obstacles:
         return Nearest(np.full(len(where), np.nan))
-    known = np.isfinite(where).all(axis=2)
-    distance = np.full((len(obstacles), *known.shape), np.nan)
+    finite = np.isfinite(where).all(axis=2)
+    distance = np.full((len(obstacles), *finite.shape), np.nan)
     for k, obstacle in enumerate(obstacles):
-        distance[k][known] = obstacle.distances(where[known])
+        distance[k][finite] = obstacle.distances(where[finite])
     least = _least(np.moveaxis(distance, 1, 0).reshape(len(where), -1), axis=1)
     if np.isnan(least).all():
         return Nearest(least)

@@ -128,13 +128,15 @@ def interval(values: Sequence[float]) -> Interval | None:
 
 def differences(study: Study, measure: str) -> dict[str, Interval | None]:
     """Return the mean difference of each condition to its baseline, over the seeds of both."""
-    found = {}
+    intervals = {}
     for name, baseline in study.baselines.items():
         if name != baseline:
             before = _by_seed(study.conditions[baseline], measure)
             after = _by_seed(study.conditions[name], measure)
-            found[name] = interval([after[seed] - before[seed] for seed in before if seed in after])
-    return found
+            intervals[name] = interval(
+                [after[seed] - before[seed] for seed in before if seed in after]
+            )
+    return intervals
 
 
 def page(folder: Path) -> str:
@@ -187,7 +189,7 @@ def figure(study: Study, measure: str) -> Figure:
     runs = [(value, c + shift[seed], f"{names[c]}, seed {seed.rpartition(' ')[2]}")
             for c, of in enumerate(by_seed) for seed, value in of.items()]  # fmt: skip
     means = [interval(list(values.values())) for values in by_seed]
-    known = [(c + MEAN_SHIFT, mean) for c, mean in enumerate(means) if mean is not None]
+    mean_rows = [(c + MEAN_SHIFT, mean) for c, mean in enumerate(means) if mean is not None]
     marks = {"type": "scatter", "mode": "markers", "showlegend": False}
     return {
         "data": [
@@ -210,11 +212,11 @@ def figure(study: Study, measure: str) -> Figure:
             },
             marks
             | {
-                "x": [mean.mean for _, mean in known],
-                "y": [y for y, _ in known],
+                "x": [mean.mean for _, mean in mean_rows],
+                "y": [y for y, _ in mean_rows],
                 "error_x": {
                     "type": "data",
-                    "array": [_or_zero(mean.high - mean.mean) for _, mean in known],
+                    "array": [_or_zero(mean.high - mean.mean) for _, mean in mean_rows],
                     "thickness": 2,
                 },
                 "hovertemplate": "mean %{x:.4g} ± %{error_x.array:.2g}<extra></extra>",
@@ -275,9 +277,11 @@ def _differences(study: Study) -> str:
     for name in changed:
         cells = []
         for measure in study.measures:
-            found = of[measure][name]
-            sure = found is not None and (found.low > 0 or found.high < 0)
-            cells.append(f"<td><b>{_shown(found)}</b>" if sure else f"<td>{_shown(found)}")
+            difference = of[measure][name]
+            sure = difference is not None and (difference.low > 0 or difference.high < 0)
+            cells.append(
+                f"<td><b>{_shown(difference)}</b>" if sure else f"<td>{_shown(difference)}"
+            )
         rows.append(f"<tr><td>{escape(name)}{''.join(cells)}")
     return (
         f"<section><h2>Differences to {to}</h2><p class=quiet>Of runs with the same seed. Bold: "
@@ -313,12 +317,12 @@ def _by_seed(rows: Sequence[Row], measure: str) -> dict[str, float]:
     return {seed: value for seed, value in values.items() if value is not None}
 
 
-def _shown(found: Interval | None) -> str:
-    if found is None:
+def _shown(estimate: Interval | None) -> str:
+    if estimate is None:
         return "-"
-    if math.isnan(found.low):
-        return f"{found.mean:.3g}"
-    return f"{found.mean:.3g} [{found.low:.3g}, {found.high:.3g}]"
+    if math.isnan(estimate.low):
+        return f"{estimate.mean:.3g}"
+    return f"{estimate.mean:.3g} [{estimate.low:.3g}, {estimate.high:.3g}]"
 
 
 def _or_zero(value: float) -> float:

@@ -63,13 +63,13 @@ def top_view(run: Run) -> Figure:
                     "name": f"{label}s",
                 }
             )
-    for found, label in (
+    for approach, label in (
         (separation(run), "closest approach"),
         (clearance(run), "least clearance"),
     ):
-        if found.tick is not None:
-            x, y = found.between[:, 0].tolist(), found.between[:, 1].tolist()
-            mark = crosses(x, y, [found.text] * 2, f"{label}: {found.least:.2f} m")
+        if approach.tick is not None:
+            x, y = approach.between[:, 0].tolist(), approach.between[:, 1].tolist()
+            mark = crosses(x, y, [approach.text] * 2, f"{label}: {approach.least:.2f} m")
             data.append(mark | {"mode": "lines+markers", "line": {"color": ALARM, "width": 1}})
     low, high = run.world.fence.low, run.world.fence.high
     shapes = [

@@ -28,9 +28,11 @@ def run(options: argparse.Namespace, registry: Registry) -> int:
             f"--out {out}: expected a name that ends in .pdf or .svg", "invalid-argument"
         )
     with writing(f"--out {out}"), Progress("drawing the tags"):
-        found = pages(world, options.paper, registry)
-        files = _write(found, out)
-    sys.stdout.write(f"{len(found)} tags on {options.paper}: {', '.join(map(str, files))}\n")
+        numbered_pages = pages(world, options.paper, registry)
+        files = _write(numbered_pages, out)
+    sys.stdout.write(
+        f"{len(numbered_pages)} tags on {options.paper}: {', '.join(map(str, files))}\n"
+    )
     return 0
 
 
@@ -47,16 +49,16 @@ def configure(line: argparse.ArgumentParser) -> None:
     line.add_argument("--paper", choices=list(PAPERS), default="a4", help="%(default)s")
 
 
-def _write(found: Sequence[tuple[int, Page]], out: Path) -> list[Path]:
+def _write(numbered_pages: Sequence[tuple[int, Page]], out: Path) -> list[Path]:
     """Write pages and return the files.
 
     Raises:
         OSError: A file cannot be written.
     """
     if out.suffix == ".pdf":
-        out.write_bytes(pdf([page for _, page in found]))
+        out.write_bytes(pdf([page for _, page in numbered_pages]))
         return [out]
-    files = [out.with_name(f"{out.stem}-{number}.svg") for number, _ in found]
-    for file, (_, page) in zip(files, found, strict=True):
+    files = [out.with_name(f"{out.stem}-{number}.svg") for number, _ in numbered_pages]
+    for file, (_, page) in zip(files, numbered_pages, strict=True):
         file.write_text(svg(page), encoding="utf-8")
     return files

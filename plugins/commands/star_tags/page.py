@@ -136,8 +136,8 @@ def _pdf_fill(mark: Fill) -> list[str]:
 
 
 def _pdf_text(mark: Text) -> str:
-    known = mark.content.encode("cp1252", "replace").decode("latin-1")
-    escaped = known.replace("\\", r"\\").replace("(", r"\(").replace(")", r"\)")
+    encodable = mark.content.encode("cp1252", "replace").decode("latin-1")
+    escaped = encodable.replace("\\", r"\\").replace("(", r"\(").replace(")", r"\)")
     x, y = mark.at
     return f"0 g BT /F {number(mark.size)} Tf {number(x)} {number(y)} Td ({escaped}) Tj ET"
 

@@ -24,55 +24,55 @@ def pages(path: Path, paper: str, registry: Registry) -> list[tuple[int, Page]]:
     """
     document = read_as(path, "world", registry)
     problems = []
-    found: dict[int, tuple[Page, str]] = {}
-    for place, name, sheet in _sheets(document.data):
+    named_pages: dict[int, tuple[Page, str]] = {}
+    for keys, name, sheet in _sheets(document.data):
         try:
             page = lay_out(sheet, paper)
         except InputError as error:
-            problems += [document.problem(place, problem) for problem in error.problems]
+            problems += [document.problem(keys, problem) for problem in error.problems]
             continue
-        if sheet.number in found:
-            other = found[sheet.number][1]
+        if sheet.number in named_pages:
+            other = named_pages[sheet.number][1]
             wrong = f"tag {sheet.number} belongs to {other!r} already; give each its own number"
-            problems.append(document.problem(place, wrong, "duplicate-tag"))
-        found[sheet.number] = (page, name)
-    if not problems and not found:
+            problems.append(document.problem(keys, wrong, "duplicate-tag"))
+        named_pages[sheet.number] = (page, name)
+    if not problems and not named_pages:
         raise InputError(f"{path}: has neither landmarks nor targets to print", "no-tags")
     if problems:
         raise InputError(problems)
-    return [(number, page) for number, (page, _) in found.items()]
+    return [(number, page) for number, (page, _) in named_pages.items()]
 
 
 def _sheets(data: Mapping[str, Any]) -> Iterator[tuple[tuple[str | int, ...], str, Sheet]]:
     """Yield every tag with its path in the file and the name of its sheet."""
-    for kind, one in KINDS.items():
-        for name, given in data.get(kind, {}).items():
-            size = float(given.get("size", TAG_SIZE))
-            about = f"{name}, a {one} of {data['name']}"
-            for i, number in enumerate(given["tags"]):
-                row = _row(i, given, size)
-                sheet = Sheet(number, size, (f"{about}{row}", _pose(given)))
+    for kind, noun in KINDS.items():
+        for name, spec in data.get(kind, {}).items():
+            size = float(spec.get("size", TAG_SIZE))
+            about = f"{name}, a {noun} of {data['name']}"
+            for i, number in enumerate(spec["tags"]):
+                row = _row(i, spec, size)
+                sheet = Sheet(number, size, (f"{about}{row}", _pose(spec)))
                 yield (kind, name, "tags", i), name, sheet
 
 
-def _row(i: int, given: Mapping[str, Any], size: float) -> str:
+def _row(i: int, spec: Mapping[str, Any], size: float) -> str:
     """Return the position of a tag among its neighbours, as text."""
-    n = len(given["tags"])
-    if "offsets" in given:
-        right, up = (1000 * value for value in given["offsets"][i])
+    n = len(spec["tags"])
+    if "offsets" in spec:
+        right, up = (1000 * value for value in spec["offsets"][i])
         return (
             f": {i + 1} of {n}, middle {right:g} mm right and {up:g} mm up from where it is placed"
         )
-    apart = 1000 * given.get("spacing", TAG_RIM * size)
+    apart = 1000 * spec.get("spacing", TAG_RIM * size)
     return f": {i + 1} of {n} from the left, middles {apart:g} mm apart" if n > 1 else ""
 
 
-def _pose(given: Mapping[str, Any]) -> str:
+def _pose(spec: Mapping[str, Any]) -> str:
     """Return the pose of a sheet, as text."""
-    turns = (f"{turn} {given.get(f'{turn}_deg', 0):g}°" for turn in ("roll", "pitch", "yaw"))
-    row = len(given["tags"]) > 1 and "offsets" not in given
-    middle = "middle of the row" if row else "placed" if "offsets" in given else "middle"
-    return f"{middle} at {_point(given['at'])} m in the map, {', '.join(turns)}"
+    turns = (f"{turn} {spec.get(f'{turn}_deg', 0):g}°" for turn in ("roll", "pitch", "yaw"))
+    row = len(spec["tags"]) > 1 and "offsets" not in spec
+    middle = "middle of the row" if row else "placed" if "offsets" in spec else "middle"
+    return f"{middle} at {_point(spec['at'])} m in the map, {', '.join(turns)}"
 
 
 def _point(values: Sequence[float]) -> str:

@@ -103,13 +103,13 @@ class Recorder:
         """Write estimates and their transforms."""
         estimate = tick.estimate
         attitude = _attitude(estimate.map_from_odom.yaw, estimate.yaw, tick.telemetry.attitude)
-        known = estimate.valid & np.isfinite(estimate.position).all(axis=1)
+        located = estimate.valid & np.isfinite(estimate.position).all(axis=1)
         body = _to_body(attitude, estimate.velocity)
         covariance = np.zeros((len(self._names), 6, 6))
         covariance[:, :3, :3] = estimate.covariance
         flat = covariance.reshape(-1, 36)
         transforms = []
-        for i in np.flatnonzero(known):
+        for i in np.flatnonzero(located):
             name, position, turned = self._names[i], estimate.position[i].tolist(), attitude[i]
             quaternion = turned.tolist()
             transforms.append(transform(self._now, messages.MAP, name, position, quaternion))
@@ -198,13 +198,14 @@ class Recorder:
 
     def _write_detections(self, tick: Tick) -> None:
         """Write the tags of each image, those that were not used apart, and located targets."""
-        found, images = tick.detections, dict[tuple[int, float, str], list[Any]]()
+        detections, images = tick.detections, dict[tuple[int, float, str], list[Any]]()
         point = kind("apriltag_msgs/Point")
-        for k, (agent, moment) in enumerate(zip(found.agent, found.time, strict=True)):
-            topic = "detections/rejected" if found.rejected[k] else "detections"
+        for k, (agent, moment) in enumerate(zip(detections.agent, detections.time, strict=True)):
+            topic = "detections/rejected" if detections.rejected[k] else "detections"
             tag = kind("apriltag_msgs/AprilTagDetection")(
-                "36h11", int(found.tag[k]), 0, 0.0, 0.0, point(*found.corners[k].mean(axis=0)),
-                [point(*corner) for corner in found.corners[k].tolist()], np.zeros(9),
+                "36h11", int(detections.tag[k]), 0, 0.0, 0.0,
+                point(*detections.corners[k].mean(axis=0)),
+                [point(*corner) for corner in detections.corners[k].tolist()], np.zeros(9),
             )  # fmt: skip
             images.setdefault((agent, moment, topic), []).append(tag)
         for (agent, moment, topic), tags in images.items():
@@ -213,10 +214,10 @@ class Recorder:
             self._write(
                 f"/{frame}/{topic}", kind("apriltag_msgs/AprilTagDetectionArray")(head, tags)
             )
-        seen = tick.estimate.sightings
-        for k, agent in enumerate(seen.agent):
-            message = pose_stamped(self._now, seen.position[k].tolist())
-            self._write(f"/{self._names[agent]}/sightings/tag_{seen.tag[k]}", message)
+        sightings = tick.estimate.sightings
+        for k, agent in enumerate(sightings.agent):
+            message = pose_stamped(self._now, sightings.position[k].tolist())
+            self._write(f"/{self._names[agent]}/sightings/tag_{sightings.tag[k]}", message)
 
     def _write_images(self, tick: Tick) -> None:
         import cv2

@@ -49,11 +49,11 @@ def run(options: argparse.Namespace, _registry: Registry) -> int:
         raise InputError(f"{path}: no such recording; name the folder of a run", "no-record")
     try:
         with Progress(f"recovering {path}"):
-            found = recover(path)
+            recovery = recover(path)
     except (OSError, McapError) as error:
         raise InputError(f"{path}: cannot be recovered: {error}", "unreadable-file") from error
-    lost = f", without {found.lost} damaged records" if found.lost else ""
-    sys.stdout.write(f"{path}: {found.messages} messages, {found.seconds:.1f} s{lost}\n")
+    lost = f", without {recovery.lost} damaged records" if recovery.lost else ""
+    sys.stdout.write(f"{path}: {recovery.messages} messages, {recovery.seconds:.1f} s{lost}\n")
     return 0
 
 

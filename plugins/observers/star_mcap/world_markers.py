@@ -20,7 +20,7 @@ OPACITY = 0.8
 
 def world_markers(scene: Scene, time: int) -> Any:
     """Return the fence, obstacles, landmarks, targets and start poses as one MarkerArray."""
-    markers = [_marker(time, i, given) for i, given in enumerate(_markers(scene))]
+    markers = [_marker(time, i, spec) for i, spec in enumerate(_markers(scene))]
     return kind("visualization_msgs/MarkerArray")(markers)
 
 
@@ -74,26 +74,26 @@ def _markers(scene: Scene) -> Iterator[dict[str, Any]]:
         }
 
 
-def _marker(time: int, number: int, given: Mapping[str, Any]) -> Any:
+def _marker(time: int, number: int, spec: Mapping[str, Any]) -> Any:
     """Return a marker with the given fields; the others are empty."""
     nothing = np.zeros(0, np.uint8)
     return kind("visualization_msgs/Marker")(
         header=header(time),
-        ns=given["ns"],
+        ns=spec["ns"],
         id=number,
-        type=given["type"],
+        type=spec["type"],
         action=0,  # add
-        pose=given.get("pose") or pose((0.0, 0.0, 0.0)),
-        scale=vector(given["scale"]),
-        color=kind("std_msgs/ColorRGBA")(*given["color"], OPACITY),
+        pose=spec.get("pose") or pose((0.0, 0.0, 0.0)),
+        scale=vector(spec["scale"]),
+        color=kind("std_msgs/ColorRGBA")(*spec["color"], OPACITY),
         lifetime=kind("builtin_interfaces/Duration")(0, 0),  # until it is replaced
         frame_locked=False,
-        points=given.get("points", []),
+        points=spec.get("points", []),
         colors=[],
         texture_resource="",
         texture=kind("sensor_msgs/CompressedImage")(header(time), "", nothing),
         uv_coordinates=[],
-        text=given.get("text", ""),
+        text=spec.get("text", ""),
         mesh_resource="",
         mesh_file=kind("visualization_msgs/MeshFile")("", nothing),
         mesh_use_embedded_materials=False,

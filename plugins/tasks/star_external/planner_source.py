@@ -72,8 +72,8 @@ class PlannerSource:
             case Failed(str(why)):
                 return Failed(f"{self._guard.plugin} gave up: {shortened(why)}")
             case Mapping():
-                given = {name: _fields(name, goal) for name, goal in answer.items()}
-                return checked_goals(given, self._scene, agents)
+                goals = {name: _fields(name, goal) for name, goal in answer.items()}
+                return checked_goals(goals, self._scene, agents)
         raise ContractError(
             f"plan() returned {quoted(answer)}, expected goals by agent, Done() or Failed(why)"
         )

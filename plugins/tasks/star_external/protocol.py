@@ -85,12 +85,12 @@ def state(scene: Scene, rows: Sequence[int], estimate: Estimate, health: Health)
 
     agents = {}
     for row in rows:
-        known, battery = bool(estimate.valid[row]), float(health.battery[row])
+        valid, battery = bool(estimate.valid[row]), float(health.battery[row])
         velocity = estimate.velocity[row].tolist()
         agents[scene.agents[row].name] = {
-            "position": estimate.position[row].tolist() if known else None,
-            "velocity": velocity if known and all(map(math.isfinite, velocity)) else None,
-            "yaw": float(estimate.yaw[row]) if known else None,
+            "position": estimate.position[row].tolist() if valid else None,
+            "velocity": velocity if valid and all(map(math.isfinite, velocity)) else None,
+            "yaw": float(estimate.yaw[row]) if valid else None,
             "phase": AgentPhase(health.phase[row]).name.lower(),
             "battery": battery if math.isfinite(battery) else None,
         }
@@ -121,27 +121,27 @@ def read(line: bytes, scene: Scene, names: Collection[str]) -> Answer:
     content = _json(line)
     if not isinstance(content, dict) or len(content) != 1 or next(iter(content)) not in KEYS:
         _refuse(f"expected an object with one of {_listed(KEYS)}, got {quoted(content)}")
-    ((key, given),) = content.items()
+    ((key, content_value),) = content.items()
     if key == "done":
-        if given is not True:
-            _refuse(f"done is {quoted(given)}, expected true")
+        if content_value is not True:
+            _refuse(f"done is {quoted(content_value)}, expected true")
         return Done()
     if key == "fail":
-        if not isinstance(given, str):
-            _refuse(f"fail is {quoted(given)}, expected the reason as a string")
-        return Failed(shortened(given))
-    if not isinstance(given, dict):
-        _refuse(f"goals are {quoted(given)}, expected an object of goals by agent")
-    return checked_goals(given, scene, names)
+        if not isinstance(content_value, str):
+            _refuse(f"fail is {quoted(content_value)}, expected the reason as a string")
+        return Failed(shortened(content_value))
+    if not isinstance(content_value, dict):
+        _refuse(f"goals are {quoted(content_value)}, expected an object of goals by agent")
+    return checked_goals(content_value, scene, names)
 
 
 def checked_goals(
-    given: Mapping[str, Any], scene: Scene, names: Collection[str]
+    goals: Mapping[str, Any], scene: Scene, names: Collection[str]
 ) -> dict[str, Goal]:
     """Return the validated goals, by agent name.
 
     Args:
-        given: Goal of each agent: a mapping with a ``position`` and optionally other `GOAL_KEYS`.
+        goals: Goal of each agent: a mapping with a ``position`` and optionally other `GOAL_KEYS`.
         scene: Fence, obstacles and limits, which goals must respect.
         names: Agents that goals may be for.
 
@@ -153,7 +153,7 @@ def checked_goals(
         >>> checked_goals({"cf1": {"position": [1, 0, 0.8]}}, scene(1), ["cf1"])["cf1"]
         Goal(position=(1.0, 0.0, 0.8), velocity=(0.0, 0.0, 0.0), yaw=None, speed=None)
     """
-    return {name: _goal(name, goal, scene, names) for name, goal in given.items()}
+    return {name: _goal(name, goal, scene, names) for name, goal in goals.items()}
 
 
 def quoted(value: Any) -> str:
@@ -169,20 +169,20 @@ def shortened(reason: str) -> str:
     return "".join(c if c.isprintable() else " " for c in reason[:MAX_REASON])
 
 
-def _goal(name: str, given: Any, scene: Scene, names: Collection[str]) -> Goal:
+def _goal(name: str, spec: Any, scene: Scene, names: Collection[str]) -> Goal:
     if name not in names:
         _refuse(f"no agent named {quoted(name)} in this step; there are: {shortlist(names)}")
-    if not isinstance(given, Mapping) or "position" not in given:
-        _refuse(f"{name}: the goal is {quoted(given)}, expected an object with a position")
-    for key in given:
+    if not isinstance(spec, Mapping) or "position" not in spec:
+        _refuse(f"{name}: the goal is {quoted(spec)}, expected an object with a position")
+    for key in spec:
         if key not in GOAL_KEYS:
             _refuse(f"{name}: unknown {quoted(key)}, expected {_listed(GOAL_KEYS)}")
-    position = _point(f"{name}: position", given["position"])
+    position = _point(f"{name}: position", spec["position"])
     if fault := scene.position_fault(position):
         _refuse(f"{name}: {fault}")
-    velocity = _point(f"{name}: velocity", given.get("velocity", (0.0, 0.0, 0.0)))
-    yaw = _number(f"{name}: yaw", given["yaw"]) if "yaw" in given else None
-    speed = _number(f"{name}: speed", given["speed"]) if "speed" in given else None
+    velocity = _point(f"{name}: velocity", spec.get("velocity", (0.0, 0.0, 0.0)))
+    yaw = _number(f"{name}: yaw", spec["yaw"]) if "yaw" in spec else None
+    speed = _number(f"{name}: speed", spec["speed"]) if "speed" in spec else None
     if yaw is not None and abs(yaw) > MAX_YAW:
         _refuse(f"{name}: yaw is {yaw:g} rad, expected from -{MAX_YAW:g} to {MAX_YAW:g}")
     if speed is not None and speed < MIN_SPEED:
@@ -194,21 +194,21 @@ def _goal(name: str, given: Any, scene: Scene, names: Collection[str]) -> Goal:
     return Goal(position, velocity, yaw, speed)
 
 
-def _point(what: str, given: Any) -> Point:
+def _point(what: str, value: Any) -> Point:
     try:
-        x, y, z = given  # a list, a tuple or an array
+        x, y, z = value  # a list, a tuple or an array
     except (TypeError, ValueError):
-        _refuse(f"{what} is {quoted(given)}, expected [x, y, z]")
+        _refuse(f"{what} is {quoted(value)}, expected [x, y, z]")
     return _number(what, x), _number(what, y), _number(what, z)
 
 
-def _number(what: str, given: Any) -> float:
+def _number(what: str, number: Any) -> float:
     value = math.nan
-    if isinstance(given, Real) and not isinstance(given, bool):  # also numpy's numbers
+    if isinstance(number, Real) and not isinstance(number, bool):  # also numpy's numbers
         with suppress(OverflowError):  # an integer too large for a float
-            value = float(given)
+            value = float(number)
     if not math.isfinite(value):
-        _refuse(f"{what} has {quoted(given)}, expected a finite number")
+        _refuse(f"{what} has {quoted(number)}, expected a finite number")
     return value
 
 

@@ -178,9 +178,9 @@ def make(
     from star_external.tcp_server import TcpServer
 
     if planner is not None:
-        found = registry.find(PLANNER, planner)
-        origin = f"{planner!r} ({found.source})"
-        source = PlannerSource(scene, rows, found.offer.make, origin, rate)
+        entry = registry.find(PLANNER, planner)
+        origin = f"{planner!r} ({entry.source})"
+        source = PlannerSource(scene, rows, entry.offer.make, origin, rate)
         return External(scene, rows, source)
     server = servers.get((listen, port))
     if server is None or server.closed:

@@ -229,8 +229,8 @@ class TcpServer:
         with selectors.DefaultSelector() as selector:
             selector.register(self._server, selectors.EVENT_READ)
             if self._client is not None:
-                wanted = selectors.EVENT_WRITE if self._unsent else 0
-                selector.register(self._client, selectors.EVENT_READ | wanted)
+                write_events = selectors.EVENT_WRITE if self._unsent else 0
+                selector.register(self._client, selectors.EVENT_READ | write_events)
             selector.select(seconds)
 
 

@@ -95,12 +95,12 @@ def test_the_distance_of_the_board_follows_from_its_squares(views: Views, lens: 
 
 
 def test_a_picture_whose_corners_are_wrong_is_rejected_and_named(views: Views, lens: Lens) -> None:
-    moved = views.found[0].corners + 8 * np.sin(views.found[1].corners)
+    moved = views.with_board[0].corners + 8 * np.sin(views.with_board[1].corners)
     bent = View("bent.png", moved.astype(np.float32))
-    worse = solve(views._replace(found=(*views.found, bent)), BOARD)
+    worse = solve(views._replace(with_board=(*views.with_board, bent)), BOARD)
     assert "bent.png" in {seen.name for seen in worse.rejected}
     assert worse.matrix == pytest.approx(lens.matrix, abs=0.5)
-    report = as_text(worse, views._replace(found=(*views.found, bent)))
+    report = as_text(worse, views._replace(with_board=(*views.with_board, bent)))
     assert "bent.png: rejected: " in report
 
 
@@ -284,10 +284,10 @@ def test_corners_that_no_lens_explains_are_refused(views: Views) -> None:
     rng = np.random.default_rng(0)
     shaken = tuple(
         View(v.name, v.corners + rng.normal(0, 3, v.corners.shape).astype(np.float32))
-        for v in views.found
+        for v in views.with_board
     )
     with pytest.raises(InputError, match=r"px RMS, expected at most 1 px; is the board flat"):
-        solve(views._replace(found=shaken), BOARD)
+        solve(views._replace(with_board=shaken), BOARD)
 
 
 def test_pictures_of_different_sizes_are_refused(shots: list[str], tmp_path: Path) -> None:
