@@ -13,6 +13,7 @@ from star_core.operator import Operator
 from star_core.plugin_support.compute_time import ComputeTime
 from star_core.plugin_support.guard import PluginTimeout
 from star_core.plugin_support.plugin_manager import PluginManager
+from star_core.records.measures import check_measures
 
 log = logging.getLogger(__name__)
 
@@ -94,8 +95,6 @@ class Observers:
             self._used.append(result)
             self._of_flight[plugin] = result
         elif hook == "star_summary":
-            from star_core.records.summary import check_measures  # it imports numba
-
             self._used.append(result)
             self._measures |= check_measures(result, {*self._taken, *self._measures})
         return result

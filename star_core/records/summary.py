@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any, Final
 
 import numpy as np
 
-from star_core.errors import ContractError
 from star_core.geometry.neighbours import Pairs
 from star_core.messages.arrays import some
 from star_core.messages.events import Corrected, Event, Tick
-from star_core.records.record_files import SUMMARY, check_json
 from star_core.safety.contacts import Contacts
 from star_core.scene import Scene
 
@@ -139,28 +136,6 @@ class FlightSummary:
             "steps": list(steps),
             "events": [],
         }
-
-
-def check_measures(measures: Mapping[str, Any], taken: Iterable[str]) -> dict[str, Any]:
-    """Return what a plugin measured, as JSON.
-
-    Args:
-        measures: By the keys of the summary.
-        taken: Keys that the core has, or that other plugins contributed.
-
-    Raises:
-        ContractError: A key is taken, or a value is not JSON, or not as commands read it.
-    """
-    for key, value in dict(measures).items():
-        if key in taken:
-            raise ContractError(f"the summary has a key {key!r} already")
-        if key in SUMMARY:
-            check_json(value, SUMMARY[key], key)
-        try:
-            json.dumps({key: value}, allow_nan=False)
-        except (TypeError, ValueError, RecursionError) as error:
-            raise ContractError(f"{key} is not JSON: {error}") from error
-    return dict(measures)
 
 
 def event_records(events: Iterable[Event]) -> list[dict[str, Any]]:

@@ -71,11 +71,12 @@ def test_checking_the_missions_imports_nothing_heavy() -> None:
     subprocess.run([sys.executable, "-c", ask, *paths], check=True)
 
 
-def test_rehearsing_three_agents_for_a_check_imports_no_scipy() -> None:
+def test_rehearsing_three_agents_imports_neither_scipy_nor_numba() -> None:
     ask = (
         "import sys; from star_core.commands.main import main; main(['check', sys.argv[1]])\n"
         "assert 'star_explain.drift' in sys.modules\n"
-        "assert 'scipy' not in sys.modules"
+        "assert 'star_core.executor' in sys.modules\n"
+        "assert not {'scipy', 'numba'} & {*sys.modules}"
     )
     path = MISSIONS / "first_flight.yaml"
     subprocess.run([sys.executable, "-c", ask, path], check=True)

@@ -8,8 +8,6 @@ import pytest
 
 from star_core import Registry, fly, load
 
-pytestmark = pytest.mark.shipped_world
-
 TOLERANCE = 0.1  # of the duration of the flight
 
 

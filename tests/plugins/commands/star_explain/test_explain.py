@@ -72,10 +72,10 @@ def told(path: Path, *plugins: object) -> Group:
 def test_every_step_is_reported_with_its_agents_options_and_times(explain: Explain) -> None:
     text = explain("  - takeoff: {height: 0.6}\n  - land: {agents: cf2}\n")
     assert text[text.index("plan:") :].splitlines() == [
-        "plan: about 8.3 s, at most 25 s",
+        "plan: about 9.2 s, at most 25 s",
         "  1  takeoff cf1, cf2  height: 0.6",
         "     by default speed: 0.3",
-        "     about 2.0 s, at most 11 s",
+        "     about 2.9 s, at most 11 s",
         "  2  land cf2",
         "     by default speed: 0.2",
         "     about 6.3 s, at most 14 s",
