@@ -51,7 +51,7 @@ def run(options: argparse.Namespace, registry: Registry) -> int:
                 speed=options.speed,
                 arms_itself=not options.brushless,
                 link_timeout=options.link_timeout or math.inf,
-                **_of_simulator(mission, seen=cameras is not None),
+                **_of_simulator(mission, render=cameras is not None),
             )
         opened.callback(fleet.close)
         if options.faults:
@@ -192,16 +192,16 @@ def _port_errors(flag: str, port: int, instead: str = "") -> Iterator[None]:
         raise InputError(f"{flag} {port}: {error.message}; {other}", code) from error
 
 
-def _of_simulator(mission: Mission, *, seen: bool) -> dict[str, Any]:
+def _of_simulator(mission: Mission, *, render: bool) -> dict[str, Any]:
     """Return the simulator's arguments for the mission, the defaults for another transport.
 
     Args:
         mission: The mission.
-        seen: Whether cameras are streamed; they are then rendered, whatever the mission's mode.
+        render: Whether cameras are streamed; they are then rendered, whatever the mission's mode.
     """
     part = mission.parts["transport"]
     options = fill_defaults(part.options if part.use == "sim" else {}, OPTIONS)
-    options["camera"] = {**options.get("camera", {}), "mode": "rendered" if seen else "off"}
+    options["camera"] = {**options.get("camera", {}), "mode": "rendered" if render else "off"}
     del options["speed"]  # the fleet's own
     return simulator_arguments(**options)
 

@@ -54,7 +54,7 @@ class Craft:
         if self._simulator.cascades is None:
             return 1
         kind = self._simulator.cascades["controller"][self._row]
-        return next(number for number, one in CONTROLLER_TYPES.items() if one == kind)
+        return next(number for number, name in CONTROLLER_TYPES.items() if name == kind)
 
     @controller.setter
     def controller(self, number: int) -> None:

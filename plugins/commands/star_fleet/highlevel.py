@@ -154,7 +154,8 @@ class HighLevel:
     ) -> int:
         if not (_lasts(duration) and sound([height, yaw or 0.0])):
             return errno.ENOEXEC
-        if (here := self.stage(now)) is stage or (stage is Stage.FLYING and here is not Stage.IDLE):
+        current = self.stage(now)
+        if current is stage or (stage is Stage.FLYING and current is not Stage.IDLE):
             return REFUSED
         start, *_ = self._reference(now)
         turn = 0.0 if yaw is None else wrap_angle(yaw - start[3])
@@ -239,10 +240,10 @@ class HighLevel:
 
     def _moved_here(self, pieces: list[Piece], now: float, *, turned: bool) -> list[Piece]:
         """Return pieces that start at the reference, turned about their start to its heading."""
-        here, first = self._reference(now)[0], pieces[0].coefficients[:, 0]
-        turn = wrap_angle(here[3] - first[3]) if turned else 0.0
+        reference, first = self._reference(now)[0], pieces[0].coefficients[:, 0]
+        turn = wrap_angle(reference[3] - first[3]) if turned else 0.0
         start = transformed(first[:, None], turn)[:3, 0]
-        return [piece.moved(here[:3] - start, turn) for piece in pieces]
+        return [piece.moved(reference[:3] - start, turn) for piece in pieces]
 
     def _set_groups(self, _now: float, groups: int) -> int:
         self._parameters.put("hlCommander.groupmask", groups)

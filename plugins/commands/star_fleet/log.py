@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from star_fleet.packet import Contents, Port, join, read
-from star_fleet.variables import FORMAT, VARIABLES, Readings, held_one
+from star_fleet.variables import FORMAT, VARIABLES, Readings, cast_one
 
 BLOCKS, VARIABLES_AT_ONCE, MAX_BYTES = 16, 128, 26
 DELETE, START, STOP, RESET, CREATE, APPEND, START_MS = 2, 3, 4, 5, 6, 7, 8  # commands
@@ -81,7 +81,7 @@ class Log:
         for variable, code in block.variables:
             value = readings.column(variable)[self._row]
             if code != VARIABLES[variable].code:
-                value = held_one(value, code)
+                value = cast_one(value, code)
             values.append(value)
         data = block.layout.pack(number, time & 0xFFFF, time >> 16 & 0xFF, *values)
         return join(Port.LOG, DATA, data)
@@ -114,10 +114,10 @@ class Log:
 
     def _start(self, block: Block, payload: bytes, time: int) -> int:
         form, unit = ("B", TICK) if payload[0] == START else ("H", 1)
-        if (given := read(form, payload, 2)) is None:
+        if (period := read(form, payload, 2)) is None:
             return errno.ENOEXEC
-        block.period = given[0] * unit
-        block.due = time + given[0] * unit
+        block.period = period[0] * unit
+        block.due = time + period[0] * unit
         self._next = 0
         return 0
 
@@ -130,7 +130,7 @@ class Log:
                 return errno.ENOENT
             if block.size + struct.calcsize(form) > MAX_BYTES:
                 return errno.E2BIG
-            if sum(len(one.variables) for one in self._blocks.values()) >= VARIABLES_AT_ONCE:
+            if sum(len(other.variables) for other in self._blocks.values()) >= VARIABLES_AT_ONCE:
                 return errno.ENOMEM
             block.variables.append((number, code & 0x0F))
             block.size += struct.calcsize(form)

@@ -113,7 +113,7 @@ def compressed(memory: bytes, offset: int) -> list[Piece] | None:
     start = read("hhhh", memory, offset)
     if start is None:
         return None
-    here = [_unit(axis) * value for axis, value in enumerate(start)]
+    endpoint = [_unit(axis) * value for axis, value in enumerate(start)]
     offset += 8
     pieces = []
     while (header := read("BH", memory, offset)) is not None and header[1] > 0:
@@ -126,9 +126,9 @@ def compressed(memory: bytes, offset: int) -> list[Piece] | None:
             if stored is None:
                 return None
             offset += 2 * count
-            points = [here[axis], *(_unit(axis) * value for value in stored)]
+            points = [endpoint[axis], *(_unit(axis) * value for value in stored)]
             coefficients[axis, : count + 1] = bezier(points)
-            here[axis] = points[-1]
+            endpoint[axis] = points[-1]
         pieces.append(Piece(coefficients, duration / 1000))
     return _flyable(pieces)
 

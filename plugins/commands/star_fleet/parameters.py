@@ -120,9 +120,9 @@ class Parameters:
         """
         if channel == OTHER:
             return self._other(payload)
-        if (given := read("H", payload)) is None:
+        if (request := read("H", payload)) is None:
             return None
-        number: int = given[0]
+        number: int = request[0]
         if number >= len(PARAMETERS):
             return payload[:2] + bytes([errno.ENOENT])
         if channel == READ:
@@ -149,18 +149,18 @@ class Parameters:
     def _other(self, payload: bytes) -> bytes | None:
         if payload[:1] == bytes([BY_NAME]):
             return self._by_name(payload)
-        if (given := read("BH", payload)) is None:
+        if (request := read("BH", payload)) is None:
             return None
-        command, number = given
-        known = number < len(PARAMETERS)
-        persistent = known and bool(PARAMETERS[number].code & EXTENDED)
+        command, number = request
+        exists = number < len(PARAMETERS)
+        persistent = exists and bool(PARAMETERS[number].code & EXTENDED)
         result: bytes | None = None
         if command in {EXTENDED_TYPE, EXTENDED_TYPE_OLD}:
-            status = b"" if command == EXTENDED_TYPE_OLD else bytes([0 if known else errno.ENOENT])
-            result = status + (bytes([PERSISTENT if persistent else 0]) if known else b"")
+            status = b"" if command == EXTENDED_TYPE_OLD else bytes([0 if exists else errno.ENOENT])
+            result = status + (bytes([PERSISTENT if persistent else 0]) if exists else b"")
         elif command in {DEFAULT, DEFAULT_OLD}:
             result = bytes([errno.ENOENT])
-            if known and not PARAMETERS[number].code & READ_ONLY:
+            if exists and not PARAMETERS[number].code & READ_ONLY:
                 result = (b"\0" if command == DEFAULT else b"") + self._first(number)
         elif command in {STORE, STORED, CLEAR}:
             result = self._keep(command, number) if persistent else bytes([errno.ENOENT])
@@ -182,9 +182,9 @@ class Parameters:
         return struct.pack(PARAMETERS[number].layout, PARAMETERS[number].first)
 
     def _by_name(self, payload: bytes) -> bytes | None:
-        group, found, rest = payload[1:].partition(b"\0")
-        name, found_too, rest = rest.partition(b"\0")
-        if not (found and found_too and rest):
+        group, group_end, rest = payload[1:].partition(b"\0")
+        name, name_end, rest = rest.partition(b"\0")
+        if not (group_end and name_end and rest):
             return None
         full = f"{group.decode('latin-1')}.{name.decode('latin-1')}"
         if (number := CONTENTS.number.get(full)) is None:

@@ -196,18 +196,18 @@ class Fleet:
         self._streams[row].append(send)
 
     def watch(
-        self, row: int, show: Callable[[Image, float], object], wanted: Callable[[], bool]
+        self, row: int, show: Callable[[Image, float], object], enabled: Callable[[], bool]
     ) -> None:
         """Call `show` with every image of a vehicle's camera and the time of its exposure, s.
 
-        No images are rendered while `wanted` returns false.
+        No images are rendered while `enabled` returns false.
         """
         with self._lock:
-            self._watchers.setdefault(row, []).append((show, wanted))
+            self._watchers.setdefault(row, []).append((show, enabled))
 
     def watched(self, row: int) -> bool:
         """Whether the images of a vehicle's camera are needed."""
-        return any(wanted() for _, wanted in self._watchers.get(row, ()))
+        return any(enabled() for _, enabled in self._watchers.get(row, ()))
 
     def advance(self) -> None:
         """Advance by one cycle of 10 ms."""
@@ -299,8 +299,8 @@ class Fleet:
             drones["crashed"].tolist(),
             (now - drones["motors_time"]).tolist(),
         )
-        found = zip(self.vehicles, *columns, strict=True)
-        for row, (vehicle, tumbled, crashed, resting) in enumerate(found):
+        conditions = zip(self.vehicles, *columns, strict=True)
+        for row, (vehicle, tumbled, crashed, resting) in enumerate(conditions):
             vehicle.supervise(now, tumbled=tumbled != 0, crashed=crashed != 0, resting=resting)
             self._info[row] = vehicle.info
 

@@ -107,8 +107,8 @@ class Sticks:
         if thrust == 0:
             self._locked = False
         if mode["posSet"] and thrust:
-            place = (-pitch, roll, thrust / 1000)
-            return Demand((PLACE, PLACE, PLACE), place, yaw=math.radians(yaw))
+            position = (-pitch, roll, thrust / 1000)
+            return Demand((PLACE, PLACE, PLACE), position, yaw=math.radians(yaw))
         high = FREE
         climb = lift = 0.0
         if mode["althold"]:

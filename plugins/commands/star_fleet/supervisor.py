@@ -119,10 +119,10 @@ class Supervisor:
         bits = _STATE_BITS[self.state] | _ARMED * self.armed | _AUTO_ARM * self._arms_itself
         return bits | _TUMBLED * self._tumbled | _ACTIVE * plans | _FINISHED * finished
 
-    def update(self, found: Conditions, now: float) -> State | None:
+    def update(self, conditions: Conditions, now: float) -> State | None:
         """Go where the conditions lead at `now`, s; return the state if it is another one."""
-        self._tumbled = found.tumbled
-        after = self._next(found, now)
+        self._tumbled = conditions.tumbled
+        after = self._next(conditions, now)
         if after is self.state:
             return None
         self.state, self._since = after, now
@@ -130,35 +130,35 @@ class Supervisor:
             self.armed = after is State.FIT and self._arms_itself
         return after
 
-    def _next(self, found: Conditions, now: float) -> State:  # noqa: C901, PLR0911, PLR0912 -- a table
-        state, flies = self.state, found.resting < STILL_FLYING
+    def _next(self, conditions: Conditions, now: float) -> State:  # noqa: C901, PLR0911, PLR0912 -- a table
+        state, flies = self.state, conditions.resting < STILL_FLYING
         if state is State.LOCKED:
             return state
         late = self._watchdog_reset is not None and now - self._watchdog_reset > KEEP_ALIVE
-        if self._stopped or late or found.emergency:
+        if self._stopped or late or conditions.emergency:
             return State.LOCKED
         match state:
             case State.FLYING | State.LEVELLING:
-                if found.tumbled or found.crashed:
+                if conditions.tumbled or conditions.crashed:
                     return State.CRASHED
-                if found.silence > LOCK_AFTER:
+                if conditions.silence > LOCK_AFTER:
                     return State.LOCKED
                 if not self.armed:
                     return State.UNFIT
                 if state is State.LEVELLING:
-                    return state if found.silence > LEVEL_AFTER else State.FLYING
-                if found.silence > LEVEL_AFTER:
+                    return state if conditions.silence > LEVEL_AFTER else State.FLYING
+                if conditions.silence > LEVEL_AFTER:
                     return State.LEVELLING
                 return state if flies else State.LANDED
             case State.CRASHED:
-                return state if found.crashed or found.tumbled else State.UNFIT
+                return state if conditions.crashed or conditions.tumbled else State.UNFIT
             case State.UNFIT:
-                return state if found.tumbled or found.crashed else State.FIT
+                return state if conditions.tumbled or conditions.crashed else State.FIT
             case State.FIT:
-                if found.tumbled:
+                if conditions.tumbled:
                     return State.UNFIT
                 return State.READY if self.armed else state
-            case State.READY if found.tumbled or not self.armed:
+            case State.READY if conditions.tumbled or not self.armed:
                 return State.UNFIT
             case State.LANDED if not self.armed:
                 return State.UNFIT

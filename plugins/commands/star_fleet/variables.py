@@ -62,11 +62,11 @@ class Readings:
 
     def column(self, number: int) -> list[Any]:
         """Return the values of a variable, one for each vehicle, as its type can hold them."""
-        found = self._columns.get(number)
-        if found is None:
+        values = self._columns.get(number)
+        if values is None:
             variable = VARIABLES[number]
-            found = self._columns[number] = held(variable.read(self), variable.code)
-        return found
+            values = self._columns[number] = cast(variable.read(self), variable.code)
+        return values
 
     @cached_property
     def attitude(self) -> Array:
@@ -133,24 +133,25 @@ class Variable:
     read: Callable[[Readings], Any]
 
 
-def held(values: Any, code: int) -> list[Any]:
+def cast(values: Any, code: int) -> list[Any]:
     """Return values as a type of variable can hold them: cut to whole numbers, and to its range.
 
-    >>> held(np.array([1.9, -3.0]), U8)
+    >>> cast(np.array([1.9, -3.0]), U8)
     [1, 0]
     """
     if code in WHOLE:
         low, high = WHOLE[code]
-        given = np.asarray(values, float)
-        whole = np.where(np.isnan(given), 0.0, given)  # much faster than numpy's own, which counts
+        floats = np.asarray(values, float)
+        # much faster than numpy's own, which counts
+        whole = np.where(np.isnan(floats), 0.0, floats)
         return list(np.minimum(np.maximum(whole, low), high).astype(np.int64).tolist())
     return list(np.asarray(values, float).tolist())
 
 
-def held_one(value: float, code: int) -> float:
-    """Return one value as a type of variable can hold it; see `held`.
+def cast_one(value: float, code: int) -> float:
+    """Return one value as a type of variable can hold it; see `cast`.
 
-    >>> held_one(300.7, U8), held_one(math.nan, I16), held_one(0.5, HALF)
+    >>> cast_one(300.7, U8), cast_one(math.nan, I16), cast_one(0.5, HALF)
     (255, 0, 0.5)
     """
     if code not in WHOLE:
@@ -240,8 +241,8 @@ def _wanted_tilt(axis: int, _scale: float = 1.0) -> Callable[[Readings], Any]:
     def read(readings: Readings) -> Any:
         drones = readings.drones
         if readings.cascades is not None:
-            wanted = (_DEGREES, -_DEGREES)[axis] * readings.cascades["wanted"][:, axis]
-            return np.where(drones["mode"] == OFF, 0.0, wanted)
+            commanded = (_DEGREES, -_DEGREES)[axis] * readings.cascades["wanted"][:, axis]
+            return np.where(drones["mode"] == OFF, 0.0, commanded)
         x, y, up = drones["push"].T
         yaw = drones["seen_yaw"]
         ahead, aside = np.cos(yaw) * x + np.sin(yaw) * y, np.cos(yaw) * y - np.sin(yaw) * x

@@ -142,14 +142,14 @@ class Vehicle:
             crashed: Whether it has tumbled in flight.
             resting: For how long its motors have been off, s.
         """
-        found = Conditions(
+        conditions = Conditions(
             tumbled=tumbled,
             crashed=crashed,
             resting=resting,
             silence=self._guidance.silence(now),
             emergency=self._parameters["stabilizer.stop"] != 0,
         )
-        entered = self.supervisor.update(found, now)
+        entered = self.supervisor.update(conditions, now)
         if entered is State.LOCKED:
             self._craft.lock()
         if entered in CONSOLE_MESSAGES:

@@ -14,7 +14,7 @@ from star_import.mission_text import Frame, mission_lines
 from star_import.obstacles import Wall, walls
 from star_import.output_files import OutputFiles, Room, around, corners, world_lines
 from star_import.records import Record, records
-from star_import.robots import Robot, given_on_the_command_line, positioning, robots
+from star_import.robots import Robot, command_line_agents, positioning, robots
 from star_import.sources import Sources
 from star_import.steps import CLIMB, REACHED, ZONE, Steps
 from star_import.tags import Reading, Sheet, sheets
@@ -37,7 +37,7 @@ class ImportOptions:
     Attributes:
         name: Name of the mission; None takes that of a file.
         agents: ``NAME=X,Y`` each.
-        fence: None places it around everything.
+        fence: None fits it around everything.
         edge: Edge of tags, m.
         corners: Whether positions of tags are those of their corners.
         placed: Positions of targets that have none, m.
@@ -67,31 +67,31 @@ def assemble(sources: Sources, options: ImportOptions, log: ImportLog) -> Output
     built = walls(sources.environment[1], log) if sources.environment else []
     reading = Reading(options.edge, options.corners, options.placed)
     printed = sheets(sources.environment[1], reading, log) if sources.environment else []
-    found: list[Record] = []
+    commands: list[Record] = []
     if sources.mission:
         with log.collected():
-            found = records(sources.mission[1], [robot.name for robot in swarm], log)
+            commands = records(sources.mission[1], [robot.name for robot in swarm], log)
     parameters, located_by = _hardware(sources, swarm, log)
-    _check_positions(built, printed, swarm, found, log)
+    _check_positions(built, printed, swarm, commands, log)
     log.raise_problems()
     _log_differences(sources, log, as_executed=options.as_executed, built=built)
     points = corners(built, printed) + [robot.start[:2] for robot in swarm]
-    points += [record.point[:2] for record in found if record.task.startswith("goto")]
+    points += [record.point[:2] for record in commands if record.task.startswith("goto")]
     room = options.fence or around(points or [(0.0, 0.0)], WIDE if sources.trajectories else MARGIN)
     if options.fence is None:
         log.add("fence", f"not in the files; from {show(room.low)} to {show(room.high)} m")
-    files = [one for one in (sources.mission, sources.environment, sources.robots) if one]
+    files = [source for source in (sources.mission, sources.environment, sources.robots) if source]
     made_of = ", ".join([path.name for path, _ in files] + [p.name for p in sources.trajectories])
     name = _named(options.name or (files[0][0].stem if files else sources.trajectories[0].stem))
     world = _named(sources.environment[0].stem if sources.environment else f"{name}-room")
-    place = f"worlds/{world}.yaml"
-    lines = {place: world_lines(world, made_of, room, built, printed)}
+    world_file = f"worlds/{world}.yaml"
+    lines = {world_file: world_lines(world, made_of, room, built, printed)}
     if not swarm:
-        return OutputFiles(lines, None, place, room)
+        return OutputFiles(lines, None, world_file, room)
     frame = Frame(
         name=name,
         made_of=made_of,
-        world=place,
+        world=world_file,
         speed=max(CLIMB, _speed(sources, options)),
         height=HEIGHTS if sources.mission else (LOW, HEIGHTS[1]),
         planner=_planner(built, options, log),
@@ -99,47 +99,53 @@ def assemble(sources: Sources, options: ImportOptions, log: ImportLog) -> Output
         positioning=located_by,
         parameters=parameters,
     )
-    log.add(name, _chosen(frame, found, _speed(sources, options)))
-    steps = _steps(sources, found, swarm, options, log)
+    log.add(name, _chosen(frame, commands, _speed(sources, options)))
+    steps = _steps(sources, commands, swarm, options, log)
     lines[f"{name}.yaml"] = mission_lines(frame, swarm, steps, log)
     copies = {f"paths/{path.name}": path for path in sources.trajectories}
-    return OutputFiles(lines, f"{name}.yaml", place, room, copies)
+    return OutputFiles(lines, f"{name}.yaml", world_file, room, copies)
 
 
 def _check_positions(
     built: Sequence[Wall],
     printed: Sequence[Sheet],
     swarm: Sequence[Robot],
-    found: Sequence[Record],
+    commands: Sequence[Record],
     log: ImportLog,
 ) -> None:
     """Add positions that are too far away to the problems of `log`."""
-    places = [(wall.place, corners([wall], [])) for wall in built]
-    places += [(sheet.place, corners([], [sheet])) for sheet in printed]
-    places += [(robot.place, [robot.start[:2]]) for robot in swarm]
-    places += [(one.place, [one.point[:2]]) for one in found if one.task.startswith("goto")]
-    for place, points in places:
+    points_by_location = [(wall.location, corners([wall], [])) for wall in built]
+    points_by_location += [(sheet.location, corners([], [sheet])) for sheet in printed]
+    points_by_location += [(robot.location, [robot.start[:2]]) for robot in swarm]
+    points_by_location += [
+        (record.location, [record.point[:2]])
+        for record in commands
+        if record.task.startswith("goto")
+    ]
+    for location, points in points_by_location:
         if any(abs(value) > FARTHEST for point in points for value in point):
-            log.problems.append(f"{place}: a position is more than {FARTHEST:g} m from the origin")
+            log.problems.append(
+                f"{location}: a position is more than {FARTHEST:g} m from the origin"
+            )
 
 
 def _swarm(sources: Sources, options: ImportOptions, log: ImportLog) -> list[Robot]:
     """Return all agents named by a file or the command line."""
-    found = given_on_the_command_line(options.agents)
+    agents = command_line_agents(options.agents)
     if sources.robots:
         with log.collected():
-            found = [*robots(sources.robots[1], log), *found]
-    names = [robot.name for robot in found]
-    for robot in found[len(found) - len(options.agents) :]:
+            agents = [*robots(sources.robots[1], log), *agents]
+    names = [robot.name for robot in agents]
+    for robot in agents[len(agents) - len(options.agents) :]:
         if names.count(robot.name) > 1:
-            log.problems.append(f"{robot.place}: another agent is named {robot.name!r} too")
-    if not found and not log.problems and (sources.mission or sources.trajectories):
+            log.problems.append(f"{robot.location}: another agent is named {robot.name!r} too")
+    if not agents and not log.problems and (sources.mission or sources.trajectories):
         first = sources.mission[0] if sources.mission else sources.trajectories[0]
         log.problems.append(
             f"{first}: has no positions of agents; give crazyflies.yaml too, or "
             "--agent NAME=X,Y for each"
         )
-    return found
+    return agents
 
 
 def _hardware(
@@ -168,16 +174,16 @@ def _log_differences(
             log.add(where, "the planner keeps 0.2 m from obstacles, the original no distance")
 
 
-def _chosen(frame: Frame, found: Sequence[Record], speed: float) -> str:
+def _chosen(frame: Frame, commands: Sequence[Record], speed: float) -> str:
     """List numbers of the mission that are not in the files."""
     low, high = frame.height
     described = [
         f"limits.speed {show(frame.speed)} m/s",
         f"limits.height {show(low)} to {show(high)} m",
     ]
-    if any(record.task.startswith("goto") for record in found):
+    if any(record.task.startswith("goto") for record in commands):
         described += [f"of goto: speed {show(speed)} m/s", f"within {show(REACHED)} m"]
-        described += [f"spacing {show(2 * ZONE)} m where several fly to one place"]
+        described += [f"spacing {show(2 * ZONE)} m where several fly to one position"]
     return f"numbers not in the files: {', '.join(described)}"
 
 
@@ -196,7 +202,7 @@ def _speed(sources: Sources, options: ImportOptions) -> float:
 
 def _steps(
     sources: Sources,
-    found: Sequence[Record],
+    commands: Sequence[Record],
     swarm: Sequence[Robot],
     options: ImportOptions,
     log: ImportLog,
@@ -206,7 +212,7 @@ def _steps(
     lines: list[Line] = []
     if sources.mission:
         writer = Steps(names, speed, log, as_executed=options.as_executed)
-        lines = writer.write(found)
+        lines = writer.write(commands)
         if sources.trajectories:
             log.add(str(sources.mission[0]), "trajectories are flown after its commands")
     if sources.trajectories or not sources.mission:

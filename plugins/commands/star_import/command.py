@@ -125,12 +125,12 @@ def _fence(numbers: Sequence[float] | None) -> Room | None:
 
 
 def _placed(texts: Sequence[str]) -> dict[int, tuple[float, float]]:
-    found = {}
+    positions = {}
     for text in texts:
-        number, _, place = text.partition("=")
+        number, _, position = text.partition("=")
         try:
-            x, y = (float(value) for value in place.split(","))
-            found[int(number)] = (x, y)
+            x, y = (float(value) for value in position.split(","))
+            positions[int(number)] = (x, y)
         except ValueError:
             raise InputError([f"--target {text}: expected TAG=X,Y in m"]) from None
-    return found
+    return positions

@@ -39,21 +39,23 @@ def common_parameters(file: Value, names: Sequence[str], log: ImportLog) -> dict
         of_type = _flat(types.get(kind.text())) if kind is not None else {}
         of_robot[name] = of_all | of_type | _flat(robot)
     common: dict[str, float] = {}
-    for key in dict.fromkeys(key for given in of_robot.values() for key in given):
+    for key in dict.fromkeys(key for parameters in of_robot.values() for key in parameters):
         robots_by_value: dict[float | None, list[str]] = {}
-        for name, given in of_robot.items():
-            value = given[key].number() if key in given else None
+        for name, parameters in of_robot.items():
+            value = parameters[key].number() if key in parameters else None
             robots_by_value.setdefault(value, []).append(name)
         if len(robots_by_value) == 1:
-            common[key] = next(given[key].number() for given in of_robot.values())
+            common[key] = next(parameters[key].number() for parameters in of_robot.values())
             continue
         values = "; ".join(
             f"{'not set' if value is None else plain(value)} for {shortlist(robots)}"
             for value, robots in robots_by_value.items()
         )
-        place = next(given[key].place for given in of_robot.values() if key in given)
+        location = next(
+            parameters[key].place for parameters in of_robot.values() if key in parameters
+        )
         log.add(
-            place,
+            location,
             f"parameter {key} differs between robots ({values}), but the radio transport sets the "
             "same in all; ignored",
         )
@@ -73,12 +75,12 @@ def _flat(level: Value | None) -> dict[str, Value]:
     """Return the parameters of one level by ``group.name``."""
     if level is None or KEY not in level.map():
         return {}
-    found: dict[str, Value] = {}
+    parameters: dict[str, Value] = {}
     for group, values in level.map()[KEY].map().items():
         for name, value in values.map().items():
             key = f"{group}.{name}"
             if not NAME.fullmatch(key):
                 raise value.wrong(f"{key!r} is not a parameter name")
             value.number()
-            found[key] = value
-    return found
+            parameters[key] = value
+    return parameters

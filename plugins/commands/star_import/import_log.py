@@ -27,23 +27,23 @@ class ImportLog:
     messages: list[str] = field(default_factory=list)
     problems: list[str] = field(default_factory=list)
 
-    def add(self, place: str, message: str) -> None:
+    def add(self, location: str, message: str) -> None:
         """Log a message about a location."""
-        self.messages.append(f"{place}: {message}")
+        self.messages.append(f"{location}: {message}")
 
-    def warning(self, place: str, message: str) -> None:
+    def warning(self, location: str, message: str) -> None:
         """Log a warning, before all other messages."""
-        self.messages.insert(0, f"{place}: warning: {message}")
+        self.messages.insert(0, f"{location}: warning: {message}")
 
     def ignored(
         self,
-        given: Value,
+        entry: Value,
         read: Collection[str],
         of: str = "",
         why: str = "is not read by the original",
     ) -> None:
         """Log the keys of a map that are not `read`; `of` precedes them in the messages."""
-        for key, value in given.map().items():
+        for key, value in entry.map().items():
             if key not in read:
                 self.add(value.place, f"{of}{key!r} {why}; ignored")
 

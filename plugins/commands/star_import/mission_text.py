@@ -79,7 +79,9 @@ def _agent(robot: Robot, *, camera: bool) -> Line:
     yaw = f", yaw_deg: {show(robot.yaw_deg)}" if robot.yaw_deg else ""
     uri = f", uri: {word(robot.uri)}" if robot.uri else ""
     carries = ", camera: aideck" if camera else ""
-    return Line(f"  {robot.name}: {{start: {show(robot.start)}{yaw}{uri}{carries}}}", robot.place)
+    return Line(
+        f"  {robot.name}: {{start: {show(robot.start)}{yaw}{uri}{carries}}}", robot.location
+    )
 
 
 def _transport(frame: Frame, robots: Sequence[Robot], log: ImportLog) -> Iterator[Line]:
@@ -104,7 +106,9 @@ def _transport(frame: Frame, robots: Sequence[Robot], log: ImportLog) -> Iterato
         yield Line("#   setpoints: full-state")
     if decks:
         yield Line("#   cameras:")
-        yield from (Line(f"#     {robot.name}: {word(robot.deck)}", robot.place) for robot in decks)
+        yield from (
+            Line(f"#     {robot.name}: {word(robot.deck)}", robot.location) for robot in decks
+        )
     if frame.parameters:
         yield Line("#   parameters:")
         for name, value in frame.parameters.items():

@@ -21,14 +21,14 @@ class Wall:
         points: Points of its center line, m.
         thickness: m.
         height: Height of its bottom and its top, m.
-        place: Source location, ``file:line:col``.
+        location: Source location, ``file:line:col``.
     """
 
     name: str
     points: tuple[tuple[float, float], ...]
     thickness: float
     height: tuple[float, float]
-    place: str
+    location: str
 
     def line(self) -> Line:
         """Return it as a line of a world file."""
@@ -36,45 +36,45 @@ class Wall:
         return Line(
             f"  {word(self.name)}: {{polyline: {show(points)}, thickness: {show(self.thickness)}, "
             f"height: {show(self.height)}}}",
-            self.place,
+            self.location,
         )
 
 
 def walls(file: Value, log: ImportLog) -> list[Wall]:
     """Return the walls of an environment; invalid ones are added to the problems of `log`."""
-    found: list[Wall] = []
+    built: list[Wall] = []
     with log.collected():
         log.ignored(file, TOP, why=NOT_SUPPORTED)
         if "environment" not in file.map():
-            return found
+            return built
         environment = file.map()["environment"]
         log.ignored(environment, {"obstacles"})
         if "obstacles" in environment.map():
-            for name, given in environment.map()["obstacles"].map().items():
+            for name, spec in environment.map()["obstacles"].map().items():
                 with log.collected():
-                    found.append(_wall(name, given, log))
-    return found
+                    built.append(_wall(name, spec, log))
+    return built
 
 
-def _wall(name: str, given: Value, log: ImportLog) -> Wall:
+def _wall(name: str, spec: Value, log: ImportLog) -> Wall:
     offsets = False
-    if "use_key_point" in given.map():
-        offsets = given.map()["use_key_point"].flag()
+    if "use_key_point" in spec.map():
+        offsets = spec.map()["use_key_point"].flag()
     else:
-        log.add(given.place, f"{name} has no 'use_key_point'; its points are absolute")
-    listed = given.need("points")
+        log.add(spec.place, f"{name} has no 'use_key_point'; its points are absolute")
+    listed = spec.need("points")
     numbers = listed.numbers()
     if len(numbers) % 2:
         log.add(listed.place, f"{name}: the last of {len(numbers)} numbers has no pair; ignored")
         numbers = numbers[:-1]
     if len(numbers) < 4:  # noqa: PLR2004 -- two points
         raise listed.wrong(f"{name} has {len(numbers)} numbers, expected x and y of two points")
-    height = given.need("height")
+    height = spec.need("height")
     try:
         foot, top = height.numbers()
     except ValueError:
         raise height.wrong(f"{name}: expected z of the bottom and of the top, m") from None
-    thickness = given.need("thickness").number()
+    thickness = spec.need("thickness").number()
     points: list[tuple[float, float]] = []
     x = y = 0.0
     for dx, dy in zip(numbers[::2], numbers[1::2], strict=True):
@@ -87,9 +87,9 @@ def _wall(name: str, given: Value, log: ImportLog) -> Wall:
         raise listed.wrong(f"{name} has one point only, expected two that differ")
     kind = "relative to the previous point, the first to the map" if offsets else "in the map"
     log.add(
-        given.place,
+        spec.place,
         f"{name}: {len(points)} points in m, {kind}; {show(thickness)} m thick in all; "
         f"from {show(foot)} to {show(top)} m high",
     )
-    log.ignored(given, {"use_key_point", "points", "height", "thickness"}, f"{name}: ")
-    return Wall(name, tuple(points), thickness, (foot, top), given.place)
+    log.ignored(spec, {"use_key_point", "points", "height", "thickness"}, f"{name}: ")
+    return Wall(name, tuple(points), thickness, (foot, top), spec.place)

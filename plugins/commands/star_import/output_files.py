@@ -64,11 +64,11 @@ class OutputFiles:
             InputError: A file exists and `force` is not set, or a file cannot be written.
         """
         paths = [folder / name for name in (*self.lines, *self.copies)]
-        if there := [path for path in paths if path.exists()]:
+        if existing := [path for path in paths if path.exists()]:
             if not force:
-                raise InputError([f"{p}: exists already; --force overwrites it" for p in there])
+                raise InputError([f"{p}: exists already; --force overwrites it" for p in existing])
             for source in self.copies.values():
-                if any(path.samefile(source) for path in there):
+                if any(path.samefile(source) for path in existing):
                     raise InputError([f"{source}: would be overwritten by itself; choose --out"])
         try:
             self._put(folder)
@@ -124,11 +124,11 @@ def around(points: Iterable[Sequence[float]], margin: float) -> Room:
 
 def corners(walls: Iterable[Wall], sheets: Iterable[Sheet]) -> list[tuple[float, float]]:
     """Return the outermost points of walls and sheets."""
-    found = [centre for sheet in sheets for centre in sheet.centres]
+    points = [centre for sheet in sheets for centre in sheet.centres]
     for wall in walls:
         half = wall.thickness / 2
-        found += [(x + side, y + side) for x, y in wall.points for side in (-half, half)]
-    return found
+        points += [(x + side, y + side) for x, y in wall.points for side in (-half, half)]
+    return points
 
 
 def world_lines(

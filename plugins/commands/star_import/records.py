@@ -28,7 +28,7 @@ class Record:
         lands: Whether the agent lands at its goal.
         point: x, y, z of a goto, m.
         yaw: Heading of a goto, in the unit of its verb: degrees with goto_velocity, rad with goto.
-        place: Source location, ``file:line:col``.
+        location: Source location, ``file:line:col``.
     """
 
     task: str
@@ -38,45 +38,47 @@ class Record:
     lands: bool
     point: tuple[float, float, float]
     yaw: float
-    place: str
+    location: str
 
     @property
     def line(self) -> str:
         """The line number of its beginning."""
-        return self.place.split(":")[-2]
+        return self.location.split(":")[-2]
 
 
-def records(file: Value, known: Sequence[str], log: ImportLog) -> list[Record]:
+def records(file: Value, agents: Sequence[str], log: ImportLog) -> list[Record]:
     """Return the records of a mission file; invalid ones are added to the problems of `log`.
 
     Args:
         file: The file, with a list under ``command_sequence``.
-        known: Names of the agents.
+        agents: Names of the agents.
         log: Log of assumptions.
 
     Raises:
         InputError: The length of the list is not a multiple of five.
     """
     strings = file.need("command_sequence")
-    given = strings.list()
+    values = strings.list()
     log.ignored(file, {"command_sequence", "environment", "april_tags", "robots", "robot_types"})
-    if len(given) % len(FIELDS):
+    if len(values) % len(FIELDS):
         raise strings.wrong(
-            f"has {len(given)} strings, expected five for each record: {', '.join(FIELDS)}"
+            f"has {len(values)} strings, expected five for each record: {', '.join(FIELDS)}"
         )
-    found = []
-    for i in range(0, len(given), len(FIELDS)):
+    commands = []
+    for i in range(0, len(values), len(FIELDS)):
         with log.collected():
-            found.append(_record(given[i : i + len(FIELDS)], known, log))
-    if found and not found[-1].waits:
-        log.add(found[-1].place, "the last record does not wait; its group ends with the list")
-    return found
+            commands.append(_record(values[i : i + len(FIELDS)], agents, log))
+    if commands and not commands[-1].waits:
+        log.add(
+            commands[-1].location, "the last record does not wait; its group ends with the list"
+        )
+    return commands
 
 
-def groups(found: Sequence[Record]) -> Iterator[list[Record]]:
+def groups(commands: Sequence[Record]) -> Iterator[list[Record]]:
     """Yield groups of records that run in parallel, each up to and including one that waits."""
     group: list[Record] = []
-    for record in found:
+    for record in commands:
         group.append(record)
         if record.waits:
             yield group
@@ -85,36 +87,36 @@ def groups(found: Sequence[Record]) -> Iterator[list[Record]]:
         yield group
 
 
-def _record(given: Sequence[Value], known: Sequence[str], log: ImportLog) -> Record:
-    task, going_on, agents, argument, pose = (value.text().strip() for value in given)
-    place = given[0].place
+def _record(values: Sequence[Value], names: Sequence[str], log: ImportLog) -> Record:
+    task, going_on, agents, argument, pose = (value.text().strip() for value in values)
+    location = values[0].place
     if task and task not in TASKS:
-        raise given[0].wrong(f"no task {task!r}, expected one of {', '.join(TASKS)}")
+        raise values[0].wrong(f"no task {task!r}, expected one of {', '.join(TASKS)}")
     if going_on not in {"wait", "conc"}:
-        log.add(given[1].place, f"{going_on!r} is read as 'conc', as the original does")
+        log.add(values[1].place, f"{going_on!r} is read as 'conc', as the original does")
     moves = task in {"goto", "goto_velocity"}
     lands = moves and argument == "land"
     if argument and not (lands or task == "hold"):
         if moves:
-            raise given[3].wrong(f"argument {argument!r} of {task}, expected '' or 'land'")
-        log.add(given[3].place, f"argument {argument!r} of {task or 'no task'} is ignored")
+            raise values[3].wrong(f"argument {argument!r} of {task}, expected '' or 'land'")
+        log.add(values[3].place, f"argument {argument!r} of {task or 'no task'} is ignored")
     if pose and not moves:
-        log.add(given[4].place, f"pose {pose!r} of {task or 'no task'} is ignored")
-    *point, yaw = _pose(given[4], task) if moves else (0.0,) * 4
+        log.add(values[4].place, f"pose {pose!r} of {task or 'no task'} is ignored")
+    *point, yaw = _pose(values[4], task) if moves else (0.0,) * 4
     x, y, z = point
     return Record(
         task=task,
         waits=going_on == "wait",
-        agents=_agents(given[2], agents, known, log) if task else (),
-        seconds=_seconds(given[3], log) if task == "hold" else 0.0,
+        agents=_agents(values[2], agents, names, log) if task else (),
+        seconds=_seconds(values[3], log) if task == "hold" else 0.0,
         lands=lands,
         point=(x, y, z),
         yaw=yaw,
-        place=place,
+        location=location,
     )
 
 
-def _agents(value: Value, written: str, known: Sequence[str], log: ImportLog) -> tuple[str, ...]:
+def _agents(value: Value, written: str, agents: Sequence[str], log: ImportLog) -> tuple[str, ...]:
     """Names of a record's agents; empty for all."""
     if written == "all":
         return ()
@@ -123,13 +125,13 @@ def _agents(value: Value, written: str, known: Sequence[str], log: ImportLog) ->
     names: list[str] = []
     for word in written.split():
         parts = word.split("_")
-        if word not in known and len(parts) > 1 and set(parts) <= set(known):
+        if word not in agents and len(parts) > 1 and set(parts) <= set(agents):
             log.add(value.place, f"{word!r} is read as {' '.join(parts)!r}: spaces separate names")
             names += parts
         else:
             names.append(word)
-    if missing := [name for name in dict.fromkeys(names) if name not in known]:
-        among = f" among {shortlist(known)}" if known else ""
+    if missing := [name for name in dict.fromkeys(names) if name not in agents]:
+        among = f" among {shortlist(agents)}" if agents else ""
         raise value.wrong(
             f"no agent named {missing[0]!r}{among}; add its position: --agent {missing[0]}=X,Y"
         )

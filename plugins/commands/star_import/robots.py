@@ -39,7 +39,7 @@ class Robot:
         name: Name of the agent.
         start: Position, m.
         uri: Address of its link; empty if not given.
-        place: Source location, ``file:line:col``.
+        location: Source location, ``file:line:col``.
         yaw_deg: Heading at the start, degrees.
         deck: Host, or ``host:port``, of its AI-deck's image stream; empty if not given.
     """
@@ -47,7 +47,7 @@ class Robot:
     name: str
     start: tuple[float, float, float]
     uri: str
-    place: str
+    location: str
     yaw_deg: float = 0.0
     deck: str = ""
 
@@ -62,15 +62,15 @@ def robots(file: Value, log: ImportLog) -> list[Robot]:
     Raises:
         InputError: There are none.
     """
-    found: list[Robot] = []
+    enabled: list[Robot] = []
     types = file.map()["robot_types"].map() if "robot_types" in file.map() else {}
-    for name, given in file.need("robots").map().items():
+    for name, spec in file.need("robots").map().items():
         with log.collected():
-            if "enabled" in given.map() and not given.map()["enabled"].flag():
-                log.add(given.place, f"{name} is not enabled; ignored")
+            if "enabled" in spec.map() and not spec.map()["enabled"].flag():
+                log.add(spec.place, f"{name} is not enabled; ignored")
                 continue
-            found.append(_robot(name, given, [robot.deck for robot in found], log))
-            kind = given.map().get("type")
+            enabled.append(_robot(name, spec, [robot.deck for robot in enabled], log))
+            kind = spec.map().get("type")
             if types and kind is not None and kind.text() not in types:
                 raise kind.wrong(f"no type {kind.text()!r} among {', '.join(types)}")
     for name, kind in types.items():
@@ -79,9 +79,9 @@ def robots(file: Value, log: ImportLog) -> list[Robot]:
     if "all" in file.map():
         log.ignored(file.map()["all"], {firmware.KEY}, "all: ", NOT_SUPPORTED)
     log.ignored(file, {"all", "robots", "robot_types", "fileversion"}, why=NOT_SUPPORTED)
-    if not found and not log.problems:
+    if not enabled and not log.problems:
         raise file.need("robots").wrong("no robot is enabled")
-    return found
+    return enabled
 
 
 def positioning(file: Value, names: Sequence[str], parameters: Sequence[str]) -> str:
@@ -105,13 +105,13 @@ def positioning(file: Value, names: Sequence[str], parameters: Sequence[str]) ->
     return ""
 
 
-def given_on_the_command_line(texts: Sequence[str]) -> list[Robot]:
+def command_line_agents(texts: Sequence[str]) -> list[Robot]:
     """Return the agents of ``--agent NAME=X,Y`` or ``NAME=X,Y,Z``.
 
     Raises:
         InputError: One of them has another form.
     """
-    found = []
+    agents = []
     for text in texts:
         name, _, numbers = text.partition("=")
         try:
@@ -121,66 +121,66 @@ def given_on_the_command_line(texts: Sequence[str]) -> list[Robot]:
             name = ""
         if not NAME.fullmatch(name):
             raise InputError([f"--agent {text}: expected NAME=X,Y or NAME=X,Y,Z in m"])
-        found.append(Robot(name, (x, y, z), "", f"--agent {text}"))
-    return found
+        agents.append(Robot(name, (x, y, z), "", f"--agent {text}"))
+    return agents
 
 
-def _robot(name: str, given: Value, decks: Sequence[str], log: ImportLog) -> Robot:
+def _robot(name: str, spec: Value, decks: Sequence[str], log: ImportLog) -> Robot:
     if not NAME.fullmatch(name):
-        raise given.wrong(
+        raise spec.wrong(
             f"{name!r} cannot be an agent's name, expected a letter, then letters, digits, "
             "'_' and '-', and not 'all'"
         )
-    place = given.need("initial_position")
+    start = spec.need("initial_position")
     try:
-        x, y, z = place.numbers()
+        x, y, z = start.numbers()
     except ValueError:
-        raise place.wrong(f"{name} has {len(place.list())} numbers, expected x, y and z") from None
-    uri = given.map()["uri"].text() if "uri" in given.map() else ""
-    yaw = _yaw_deg(name, given.map().get("initial_quaternion"), log)
-    log.add(given.place, f"{name} starts at {show([x, y, z])} m, yaw {show(yaw)} degrees")
-    deck = _deck(name, given)
+        raise start.wrong(f"{name} has {len(start.list())} numbers, expected x, y and z") from None
+    uri = spec.map()["uri"].text() if "uri" in spec.map() else ""
+    yaw = _yaw_deg(name, spec.map().get("initial_quaternion"), log)
+    log.add(spec.place, f"{name} starts at {show([x, y, z])} m, yaw {show(yaw)} degrees")
+    deck = _deck(name, spec)
     if deck and deck in decks:
         log.add(
-            given.map()["ip_add"].place,
+            spec.map()["ip_add"].place,
             f"{name}: the AI-deck at {deck} belongs to another agent already; ignored",
         )
         deck = ""
-    log.ignored(given, READ, f"{name}: ", NOT_SUPPORTED)
-    return Robot(name, (x, y, z), uri, given.place, yaw, deck)
+    log.ignored(spec, READ, f"{name}: ", NOT_SUPPORTED)
+    return Robot(name, (x, y, z), uri, spec.place, yaw, deck)
 
 
-def _yaw_deg(name: str, given: Value | None, log: ImportLog) -> float:
+def _yaw_deg(name: str, quaternion: Value | None, log: ImportLog) -> float:
     """Return the heading of a quaternion x, y, z, w, degrees; log a tilt."""
-    if given is None:
+    if quaternion is None:
         return 0.0
-    numbers = given.numbers()
+    numbers = quaternion.numbers()
     length = math.hypot(*numbers)
     if len(numbers) != 4 or not length:  # noqa: PLR2004 -- a quaternion
-        raise given.wrong(f"{name} has {list(numbers)}, expected a quaternion x, y, z, w")
+        raise quaternion.wrong(f"{name} has {list(numbers)}, expected a quaternion x, y, z, w")
     x, y, z, w = (number / length for number in numbers)
     tilt = math.degrees(math.acos(max(-1.0, min(1.0, 1 - 2 * (x * x + y * y)))))
     if tilt > LEVEL:
         log.add(
-            given.place,
+            quaternion.place,
             f"{name}: initial_quaternion is tilted by {tilt:.0f} degrees; agents start level, so "
             "only its yaw is used",
         )
     return math.degrees(math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)))
 
 
-def _deck(name: str, given: Value) -> str:
+def _deck(name: str, spec: Value) -> str:
     """Return the address of a robot's AI-deck; empty if it has none."""
-    if "ip_add" not in given.map():
+    if "ip_add" not in spec.map():
         return ""
-    host = given.map()["ip_add"].text()
+    host = spec.map()["ip_add"].text()
     if not HOST.fullmatch(host):
-        raise given.map()["ip_add"].wrong(f"{name} has {host!r}, expected a host")
-    if "port" not in given.map():
+        raise spec.map()["ip_add"].wrong(f"{name} has {host!r}, expected a host")
+    if "port" not in spec.map():
         return host
-    port = given.map()["port"].number()
+    port = spec.map()["port"].number()
     if not 0 < port <= LAST_PORT or port != int(port):
-        raise given.map()["port"].wrong(f"{name} has {port:g}, expected a port")
+        raise spec.map()["port"].wrong(f"{name} has {port:g}, expected a port")
     return host if port == PORT else f"{host}:{port:.0f}"
 
 
@@ -199,10 +199,10 @@ def _log_type(name: str, kind: Value, log: ImportLog) -> None:
         return
     battery = kind.map()["battery"]
     if "voltage_critical" in battery.map():
-        given = battery.map()["voltage_critical"]
-        volts = show(given.number())
+        voltage = battery.map()["voltage_critical"]
+        volts = show(voltage.number())
         log.add(
-            given.place,
+            voltage.place,
             f"type {name}: voltage_critical {volts} V has no effect in Crazyswarm2; to land below "
             f"it, add safety: {{battery_low: {{below: {volts}}}}}",
         )

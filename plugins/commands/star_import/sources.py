@@ -33,25 +33,25 @@ def sorted_out(paths: Sequence[Path], registry: Registry) -> Sources:
     Raises:
         InputError: One cannot be read, has unknown content, or the same kind as another.
     """
-    found = Sources()
+    sources = Sources()
     problems: list[str] = []
     for path in paths:
         try:
-            _add(found, path, registry)
+            _add(sources, path, registry)
         except InputError as error:
             problems += error.problems
     if problems:
         raise InputError(problems)
-    return found
+    return sources
 
 
-def _add(found: Sources, path: Path, registry: Registry) -> None:
+def _add(sources: Sources, path: Path, registry: Registry) -> None:
     if path.suffix == ".csv":
         if not path.is_file():
             raise InputError([f"{path}: no such file"])
-        if path.name in [one.name for one in found.trajectories]:
+        if path.name in [other.name for other in sources.trajectories]:
             raise InputError([f"{path}: another file is named {path.name!r} too; rename one"])
-        found.trajectories.append(path)
+        sources.trajectories.append(path)
         return
     value: Value = format_function("values", registry)(path)
     keys = value.map().keys()
@@ -62,9 +62,9 @@ def _add(found: Sources, path: Path, registry: Registry) -> None:
     }
     for sort, is_it in sorts.items():
         if is_it:
-            if before := getattr(found, sort):
+            if before := getattr(sources, sort):
                 raise InputError([f"{path}: same kind of file as {before[0]}; give one of them"])
-            setattr(found, sort, (path, value))
+            setattr(sources, sort, (path, value))
     if not any(sorts.values()):
         raise value.wrong(
             "contains none of 'command_sequence', 'environment', 'april_tags' (the original STAR) "

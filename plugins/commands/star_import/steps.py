@@ -38,16 +38,16 @@ class Steps:
         self._log = log
         self._up: set[str] = set()
 
-    def write(self, found: Sequence[Record]) -> list[Line]:
+    def write(self, commands: Sequence[Record]) -> list[Line]:
         """Return the lines of the steps under ``mission:``, indented by two spaces."""
         lines: list[Line] = []
         some = False
-        for group in groups(found):
+        for group in groups(commands):
             steps = [(record, list(self._steps(record))) for record in group if record.task]
             for record in group:
                 if not record.task:
-                    self._log.add(record.place, "has no task: the original skips it; ignored")
-                    lines.append(Line(f"  # line {record.line}: no task, ignored", record.place))
+                    self._log.add(record.location, "has no task: the original skips it; ignored")
+                    lines.append(Line(f"  # line {record.line}: no task, ignored", record.location))
             some = some or bool(steps)
             lines += self._together(steps)
         if not some:
@@ -59,19 +59,21 @@ class Steps:
         """Lines of the records of one group."""
         if len(steps) == 1:
             ((record, texts),) = steps
-            yield from (Line(f"  - {text}  # line {record.line}", record.place) for text in texts)
+            yield from (
+                Line(f"  - {text}  # line {record.line}", record.location) for text in texts
+            )
         elif steps:
-            yield Line("  - parallel:", steps[0][0].place)
+            yield Line("  - parallel:", steps[0][0].location)
             for record, texts in steps:
                 end = f"  # line {record.line}"
                 if len(texts) == 1:
-                    yield Line(f"      - {texts[0]}{end}", record.place)
+                    yield Line(f"      - {texts[0]}{end}", record.location)
                 else:
-                    yield Line("      - repeat:", record.place)
-                    yield Line("          times: 1", record.place)
-                    yield Line("          steps:", record.place)
+                    yield Line("      - repeat:", record.location)
+                    yield Line("          times: 1", record.location)
+                    yield Line("          steps:", record.location)
                     for text in texts:
-                        yield Line(f"            - {text}{end}", record.place)
+                        yield Line(f"            - {text}{end}", record.location)
 
     def _steps(self, record: Record) -> Iterator[str]:
         """Return the steps of one record."""
@@ -141,7 +143,7 @@ class Steps:
             yield f"land: {{{agents}}}"
 
     def _add(self, record: Record, message: str) -> None:
-        self._log.add(record.place, message)
+        self._log.add(record.location, message)
 
 
 def _joined(*parts: str) -> str:

@@ -28,14 +28,14 @@ class Sheet:
         numbers: Numbers of its tags.
         centres: Their centers, map frame, m.
         edge: Edge of the black squares, m.
-        place: Source location, ``file:line:col``.
+        location: Source location, ``file:line:col``.
     """
 
     kind: str
     numbers: tuple[int, ...]
     centres: tuple[Corner, ...]
     edge: float
-    place: str
+    location: str
 
     def line(self) -> Line:
         """Return it as a line of a world file; offsets are along the sheet's right and up."""
@@ -46,7 +46,7 @@ class Sheet:
         return Line(
             f"  {name}: {{tags: {show(list(self.numbers))}, at: {show([x, y, 0.0])}, "
             f"size: {show(self.edge)}, yaw_deg: {YAW:g}{spread}}}",
-            self.place,
+            self.location,
         )
 
 
@@ -69,37 +69,37 @@ class Reading:
 
 def sheets(file: Value, reading: Reading, log: ImportLog) -> list[Sheet]:
     """Return the sheets of an environment; invalid ones are added to the problems of `log`."""
-    found: list[Sheet] = []
+    printed: list[Sheet] = []
     if "april_tags" not in file.map():
-        return found
+        return printed
     with log.collected():
-        given = file.map()["april_tags"]
+        tags_entry = file.map()["april_tags"]
         what = "lower right corners" if reading.corners else "centers"
         log.add(
-            given.place,
+            tags_entry.place,
             f"positions of tags are in m and of their {what}; edges of {show(reading.edge)} m; "
             f"every sheet lies on the floor with its upper edge towards x",
         )
-        log.ignored(given, {"pair_position", "pair_paper_size", "tags"})
-        for name, tag in given.need("tags").map().items():
+        log.ignored(tags_entry, {"pair_position", "pair_paper_size", "tags"})
+        for name, tag in tags_entry.need("tags").map().items():
             with log.collected():
-                sheet = _sheet(name, tag, given, reading, log)
-                found += [sheet] if sheet else []
-    return found
+                sheet = _sheet(name, tag, tags_entry, reading, log)
+                printed += [sheet] if sheet else []
+    return printed
 
 
-def _sheet(name: str, given: Value, tags: Value, reading: Reading, log: ImportLog) -> Sheet | None:
+def _sheet(name: str, spec: Value, tags: Value, reading: Reading, log: ImportLog) -> Sheet | None:
     if not re.fullmatch(r"id\d{3}( id\d{3})?", name):
-        raise given.wrong(f"{name!r}, expected a tag 'id000' or a pair 'id000 id001'")
+        raise spec.wrong(f"{name!r}, expected a tag 'id000' or a pair 'id000 id001'")
     numbers = tuple(int(part[2:]) for part in name.split())
-    if "id" in given.map():
-        log.add(given.map()["id"].place, f"{name}: 'id' is ignored, the key is used")
-    purpose = given.need("purpose").text()
+    if "id" in spec.map():
+        log.add(spec.map()["id"].place, f"{name}: 'id' is ignored, the key is used")
+    purpose = spec.need("purpose").text()
     kind = {"relocalization": "landmarks", "eliminate": "targets"}.get(purpose)
     if kind is None:
-        log.add(given.place, f"{name} is for {purpose!r}, which the original ignores; ignored")
+        log.add(spec.place, f"{name} is for {purpose!r}, which the original ignores; ignored")
         return None
-    location = given.need("location")
+    location = spec.need("location")
     where = location.numbers()
     if len(where) == 1 and kind == "targets":
         if numbers[0] not in reading.placed or len(numbers) > 1:
@@ -110,14 +110,14 @@ def _sheet(name: str, given: Value, tags: Value, reading: Reading, log: ImportLo
             )
             return None
         x, y = reading.placed[numbers[0]]
-        return Sheet(kind, numbers, ((x, y),), reading.edge, given.place)
+        return Sheet(kind, numbers, ((x, y),), reading.edge, spec.place)
     if len(where) < 2:  # noqa: PLR2004 -- x and y
         raise location.wrong(f"{name} has {len(where)} numbers, expected x and y, m")
     if len(where) > 2:  # noqa: PLR2004
         log.add(location.place, f"{name} has {len(where)} numbers; the first two are used")
     x, y = where[:2]
     half = reading.edge / 2 if reading.corners else 0.0
-    offsets = _pair(name, given, tags) if len(numbers) > 1 else ((0.0, 0.0),)
+    offsets = _pair(name, spec, tags) if len(numbers) > 1 else ((0.0, 0.0),)
     centres = tuple((x + u + half, y + v + half) for u, v in offsets)
     apart = math.dist(centres[0], centres[-1])
     if len(numbers) > 1 and apart < reading.edge:
@@ -125,13 +125,13 @@ def _sheet(name: str, given: Value, tags: Value, reading: Reading, log: ImportLo
             f"{name}: tags {apart:.3f} m apart overlap at an edge of {show(reading.edge)} m; give "
             f"their size: --tag-size {math.floor(apart / TAG_RIM * 1000) / 1000:g} or less"
         )
-    log.add(given.place, f"{name}: {kind[:-1]} at {', '.join(show(c) for c in centres)} m")
+    log.add(spec.place, f"{name}: {kind[:-1]} at {', '.join(show(c) for c in centres)} m")
     pair = {"alignment"} if len(numbers) > 1 else set()
-    log.ignored(given, {"id", "location", "purpose"} | pair, f"{name}: ")
-    return Sheet(kind, numbers, centres, reading.edge, given.place)
+    log.ignored(spec, {"id", "location", "purpose"} | pair, f"{name}: ")
+    return Sheet(kind, numbers, centres, reading.edge, spec.place)
 
 
-def _pair(name: str, given: Value, tags: Value) -> tuple[Corner, ...]:
+def _pair(name: str, spec: Value, tags: Value) -> tuple[Corner, ...]:
     """Return the offsets of a pair's tags from the corner of the paper that is positioned, m."""
     position, paper = tags.need("pair_position"), tags.need("pair_paper_size")
     try:
@@ -141,7 +141,7 @@ def _pair(name: str, given: Value, tags: Value) -> tuple[Corner, ...]:
         raise position.wrong(
             "expected four numbers in 'pair_position' and two in 'pair_paper_size', m"
         ) from None
-    alignment = given.need("alignment")
+    alignment = spec.need("alignment")
     corners = {
         "top-left": (0.0, 0.0),
         "top-right": (0.0, length),

@@ -44,10 +44,10 @@ def traced(problem: str, file: str, shown: str, lines: Sequence[Line]) -> str:
         shown: Name of the file to use if the line has no origin.
         lines: Lines of the file.
     """
-    found = re.fullmatch(re.escape(file) + r":(\d+):\d+: (.*)", problem, re.DOTALL)
-    if not found:
+    match = re.fullmatch(re.escape(file) + r":(\d+):\d+: (.*)", problem, re.DOTALL)
+    if not match:
         return problem
-    number, message = int(found[1]), found[2]
+    number, message = int(match[1]), match[2]
     line = lines[number - 1] if number <= len(lines) else Line("")
     if line.origin:
         return f"{line.origin}: as STAR reads it: {message}"

@@ -48,20 +48,20 @@ class RadioAddress:
         >>> RadioAddress.of("radio://0/80/2M/E701")
         RadioAddress(dongle='0', channel=80, rate='2M', address='000000E701', most=None)
         """
-        found = _RADIO.fullmatch(uri)
-        if not found or int(found["channel"]) > _LAST_CHANNEL:
+        match = _RADIO.fullmatch(uri)
+        if not match or int(match["channel"]) > _LAST_CHANNEL:
             return None
-        address = (found["address"] or _FIRST_ADDRESS).upper().rjust(10, "0")
-        dongle = found["dongle"].upper()
+        address = (match["address"] or _FIRST_ADDRESS).upper().rjust(10, "0")
+        dongle = match["dongle"].upper()
         if dongle.isdigit() and len(dongle) < _SERIAL:
             dongle = str(int(dongle))
-        most = int(found["most"]) if found["most"] else None
-        return cls(dongle, int(found["channel"]), found["rate"], address, most)
+        most = int(match["most"]) if match["most"] else None
+        return cls(dongle, int(match["channel"]), match["rate"], address, most)
 
 
 def faults(agents: Iterable[Agent]) -> Iterator[Problem]:
     """Yield a problem for each missing, invalid or duplicate address."""
-    seen: dict[tuple[str | int, ...], Agent] = {}
+    agent_by_drone: dict[tuple[str | int, ...], Agent] = {}
     for agent in agents:
         if agent.uri is None:
             yield Problem(
@@ -69,7 +69,7 @@ def faults(agents: Iterable[Agent]) -> Iterator[Problem]:
             )
         elif problem := fault(agent.uri):
             yield Problem((), f"agent {agent.name!r}: {problem}", "invalid-address")
-        elif (other := seen.setdefault(drone(agent.uri), agent)) is agent:
+        elif (other := agent_by_drone.setdefault(drone(agent.uri), agent)) is agent:
             pass
         else:
             what = f"have the same uri {agent.uri!r}"

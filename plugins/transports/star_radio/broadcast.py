@@ -44,8 +44,10 @@ class BroadcastCommands:
     """
 
     def __init__(self, scene: Scene, dongle: int) -> None:
-        found = ((row, RadioAddress.of(agent.uri or "")) for row, agent in enumerate(scene.agents))
-        on = {row: address for row, address in found if address is not None}
+        addresses = (
+            (row, RadioAddress.of(agent.uri or "")) for row, agent in enumerate(scene.agents)
+        )
+        on = {row: address for row, address in addresses if address is not None}
         self._last = {row: int(address.address[-2:], 16) for row, address in on.items()}
         if len(set(self._last.values())) < len(self._last):
             raise PluginError(
@@ -289,11 +291,11 @@ def _dongle(number: int) -> Any:
     """Return a Crazyradio's USB device."""
     usb = import_module("usb.core")
     backend = import_module("libusb_package").get_libusb1_backend()
-    found = list(usb.find(idVendor=_VENDOR, idProduct=_PRODUCT, find_all=True, backend=backend))
-    if number >= len(found):
+    devices = list(usb.find(idVendor=_VENDOR, idProduct=_PRODUCT, find_all=True, backend=backend))
+    if number >= len(devices):
         raise PluginError(
-            f"no Crazyradio number {number} for broadcasts; found {len(found)}: it needs one in "
+            f"no Crazyradio number {number} for broadcasts; found {len(devices)}: it needs one in "
             "addition to those of the links",
             "link-failed",
         )
-    return found[number]
+    return devices[number]

@@ -33,8 +33,8 @@ def shared(uris: Iterable[str]) -> Counter[str]:
     >>> shared(["radio://0/80/2M/E7E7E7E701", "udp://127.0.0.1:19850"])
     Counter({'0': 1})
     """
-    found = (RadioAddress.of(uri) for uri in uris)
-    return Counter(radio.dongle for radio in found if radio)
+    addresses = (RadioAddress.of(uri) for uri in uris)
+    return Counter(radio.dongle for radio in addresses if radio)
 
 
 def report_period(uris: Iterable[str], mode: str) -> float:
@@ -98,10 +98,10 @@ def _limited(uris: Iterable[str], mode: str) -> Iterator[tuple[str, float]]:
 
 def _rounds(uris: Iterable[str], mode: str) -> Mapping[str, float]:
     """Return the time each dongle takes for one exchange with each of its agents, s."""
-    found: Counter[str] = Counter()
+    rounds: Counter[str] = Counter()
     for radio in filter(None, map(RadioAddress.of, uris)):
-        found[radio.dongle] += 1 / CAPACITY[mode] + SLOWER[radio.rate]  # type: ignore[assignment]
-    return found
+        rounds[radio.dongle] += 1 / CAPACITY[mode] + SLOWER[radio.rate]  # type: ignore[assignment]
+    return rounds
 
 
 def _advice(tick: float, between: float) -> str:

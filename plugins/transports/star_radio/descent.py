@@ -78,12 +78,12 @@ class Descent:
         for row in self._radio.landings.repeat(telemetry, up):
             self._report(f"{self._scene.agents[row].name} hovers: it is commanded to land again")
         heard = telemetry.age <= MAX_REPORT_AGE
-        ready = np.array([not (one.lands or one.stopped) for one in self._vehicles])
+        ready = np.array([not (vehicle.lands or vehicle.stopped) for vehicle in self._vehicles])
         ready &= ~heard | np.array([vehicle.airborne for vehicle in self._vehicles])
         pending = up & ready
         position = to_map.apply(telemetry.position)
-        known = np.isfinite(position).all(axis=1)
-        at_once = ~heard | ~known
+        finite = np.isfinite(position).all(axis=1)
+        at_once = ~heard | ~finite
         at_once |= (telemetry.position[:, 2] < LOW) | (passed > MAX_WAIT)
         settled = np.linalg.norm(telemetry.velocity, axis=1) <= MAX_REST_SPEED
         settled |= passed > SETTLING_TIME
@@ -96,7 +96,7 @@ class Descent:
                 velocity[row, :2] = way * min(1.0, SPEED / max(length, ARRIVAL_TOLERANCE))
                 free = length <= ARRIVAL_TOLERANCE
             else:
-                below = known & (~pending | (height < height[row]))
+                below = finite & (~pending | (height < height[row]))
                 free = self._is_free(position[row], position[below, :2])
             if at_once[row] or (free and settled[row]):
                 self._radio.landings.land(row, float(telemetry.position[row, 2]))
@@ -134,8 +134,8 @@ class Descent:
             nearest = free_position(start, self._scene.world, taken, apart, margin, reaches)
             if nearest is not None:
                 return nearest
-        own: Array = start[:2].copy()
-        return own
+        start_xy: Array = start[:2].copy()
+        return start_xy
 
     def _reaches(self, start: Array, ends: Array) -> Mask:
         """Return to which (K, 2) m an agent at (3,) m flies straight, and past no obstacle: (K,).

@@ -62,12 +62,12 @@ def serve(descriptor: int) -> None:
 
 
 def _poses(system: Any, bodies: Sequence[str]) -> Array:
-    found = system.rigidBodies
+    rigid_bodies = system.rigidBodies
     poses = np.full((len(bodies), 7), np.nan)
     for row, name in enumerate(bodies):
-        if name in found:
-            turn = found[name].rotation
-            poses[row, :3] = found[name].position
+        if name in rigid_bodies:
+            turn = rigid_bodies[name].rotation
+            poses[row, :3] = rigid_bodies[name].position
             poses[row, 3:] = turn.x, turn.y, turn.z, turn.w
     return poses
 

@@ -71,22 +71,24 @@ class Layout:
     @classmethod
     def of(cls, table: Table) -> Layout:
         """Choose from a drone's log table."""
-        found = [[source for source in ways if source.name in table] for ways in SOURCES]
+        available = [[source for source in ways if source.name in table] for ways in SOURCES]
         lacking = [
             " or ".join(repr(source.name) for source in ways)
-            for column, (ways, there) in enumerate(zip(SOURCES, found, strict=True))
-            if not there and column not in OPTIONAL
+            for column, (ways, sources) in enumerate(zip(SOURCES, available, strict=True))
+            if not sources and column not in OPTIONAL
         ]
         if lacking:
             raise PluginError(
                 f"its firmware has no log variable {', '.join(lacking)}; update it",
                 "outdated-firmware",
             )
-        return cls(tuple(there[0] if there else None for there in found))
+        return cls(tuple(sources[0] if sources else None for sources in available))
 
     @cached_property
     def _reported(self) -> tuple[tuple[int, Source], ...]:
-        return tuple((column, one) for column, one in enumerate(self.sources) if one is not None)
+        return tuple(
+            (column, source) for column, source in enumerate(self.sources) if source is not None
+        )
 
     @cached_property
     def dtype(self) -> np.dtype[np.void]:

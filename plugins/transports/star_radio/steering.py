@@ -21,21 +21,21 @@ MAX_YAW_LEAD: Final = 0.5  # rad, between the commanded and the reported heading
 SETPOINT_TIMEOUT: Final = 0.5  # s without a setpoint, after which the firmware levels out
 
 
-def yaw_rate(wanted: Array, yaw: Array) -> Array:
+def yaw_rate(target: Array, yaw: Array) -> Array:
     """Return the (N,) yaw rates that turn agents to their headings the shorter way, rad/s.
 
     The rate is ``GAIN`` times the heading error, at most `MAX_YAW_RATE`: the same law as in the
     simulator. It is 0 where the heading is unknown (NaN).
 
     Args:
-        wanted: (N,) rad.
+        target: (N,) rad.
         yaw: (N,) as reported, rad.
 
     Example:
         >>> yaw_rate(np.array([0.1, 3.0, 1.0]), np.array([0.0, -3.0, np.nan])).round(3)
         array([ 0.3 , -0.85,  0.  ])
     """
-    rate = np.clip(GAIN * wrap_angle(wanted - yaw), -MAX_YAW_RATE, MAX_YAW_RATE)
+    rate = np.clip(GAIN * wrap_angle(target - yaw), -MAX_YAW_RATE, MAX_YAW_RATE)
     return np.where(np.isnan(rate), 0.0, rate)
 
 
@@ -111,16 +111,16 @@ class WholeStates:
 
     def _advance(self, setpoint: Setpoint, reported: Array) -> Array:
         """Advance all states to the present; return their (N,) yaw rates, rad/s."""
-        here, heading = reported[:, [report.X, report.Y, report.Z]], reported[:, report.YAW]
+        position, heading = reported[:, [report.X, report.Y, report.Z]], reported[:, report.YAW]
         now = self._now()
         passed, self._then = now - self._then, now
-        lead = self._position + passed * self._velocity - here
+        lead = self._position + passed * self._velocity - position
         distance = np.linalg.norm(lead, axis=1, keepdims=True)
         lead *= MAX_LEAD / np.maximum(distance, MAX_LEAD)
         ahead = self._yaw + passed * yaw_rate(setpoint.yaw, self._yaw) - heading
         yaw_lead = np.clip(wrap_angle(ahead), -MAX_YAW_LEAD, MAX_YAW_LEAD)
         continues = self._flown & np.isfinite(lead).all(axis=1) & (passed < SETPOINT_TIMEOUT)
-        self._position = np.where(continues[:, None], here + lead, here)
+        self._position = np.where(continues[:, None], position + lead, position)
         self._yaw = np.where(continues, heading + yaw_lead, heading)
         self._velocity = setpoint.velocity
         return yaw_rate(setpoint.yaw, self._yaw)

@@ -48,12 +48,12 @@ class _Group:
 
     def answered(self, row: int) -> bool:
         """Whether the profile of a drone is written, or refused, or there is none."""
-        return all(one.answer is not None for one in self.writes[row])
+        return all(write.answer is not None for write in self.writes[row])
 
     def written(self, row: int) -> bool:
         """Whether the profile of a drone is written."""
         writes = self.writes[row]
-        return bool(writes) and all((one.answer or b"")[5:6] == b"\0" for one in writes)
+        return bool(writes) and all((write.answer or b"")[5:6] == b"\0" for write in writes)
 
 
 @dataclass(slots=True)

@@ -77,7 +77,9 @@ class TelemetryBuffer:
             signal=self.last[:, report.SIGNAL],
             rebooted=np.array([vehicle.rebooted for vehicle in self._vehicles]),
             lands_by=self.lands_by - began,
-            specific_force=np.array([one.accelerometer.newest(now) for one in self._vehicles]),
+            specific_force=np.array(
+                [vehicle.accelerometer.newest(now) for vehicle in self._vehicles]
+            ),
         )
 
     def _read(self) -> Samples:
@@ -86,18 +88,18 @@ class TelemetryBuffer:
         times: list[float] = []
         by_layout: dict[Layout, tuple[list[int], list[bytes]]] = {}
         for row, vehicle in enumerate(self._vehicles):
-            found = vehicle.stream.take_all()
-            if not found or vehicle.stream.layout is None:
+            reports = vehicle.stream.take_all()
+            if not reports or vehicle.stream.layout is None:
                 continue
-            places, payloads = by_layout.setdefault(vehicle.stream.layout, ([], []))
-            for made, payload in found:
-                places.append(len(agents))
+            indices, payloads = by_layout.setdefault(vehicle.stream.layout, ([], []))
+            for made, payload in reports:
+                indices.append(len(agents))
                 payloads.append(payload)
                 agents.append(row)
                 times.append(made)
         values = np.empty((len(agents), len(report.SOURCES)))
-        for layout, (places, payloads) in by_layout.items():
-            values[places] = layout.read(payloads)
+        for layout, (indices, payloads) in by_layout.items():
+            values[indices] = layout.read(payloads)
         return Samples(np.array(agents, np.int64), np.array(times), values)
 
 

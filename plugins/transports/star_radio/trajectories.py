@@ -161,7 +161,7 @@ def upload(number: int, trajectory: Trajectory, ask: Ask, *, at: int = 0) -> Non
         packets.write_memory(memory, at + done, data[done : done + packets.MEMORY_PIECE])
         for done in places
     ]
-    answers = ask([Question.of(one, one[1:6], "the trajectory memory") for one in writes])
+    answers = ask([Question.of(write, write[1:6], "the trajectory memory") for write in writes])
     for done, answer in zip(places, answers, strict=True):
         if answer[5:6] != b"\0":
             raise PluginError(
@@ -185,7 +185,9 @@ def memory_number(ask: Ask) -> int:
     packet = packets.packet(packets.MEMORY, packets.MEMORY_INFO, b"\1")
     (answer,) = ask([Question.of(packet, b"\1", about)])
     infos = [packets.memory_info(number) for number in range(answer[1])]
-    for number, info in enumerate(ask([Question.of(one, one[1:3], about) for one in infos])):
+    for number, info in enumerate(
+        ask([Question.of(packet, packet[1:3], about) for packet in infos])
+    ):
         if info[2:3] == bytes([TRAJECTORY_MEMORY]):
             return number
     raise PluginError("its firmware has no memory for trajectories", "outdated-firmware")

@@ -190,7 +190,7 @@ class Radio:
         present = {row: self.vehicles[row] for row in np.flatnonzero(self.connected).tolist()}
         agents = self._scene.agents
         refused = _faults(
-            present, lambda row, one: self._memory.upload(one.upload, agents[row].yaw)
+            present, lambda row, vehicle: self._memory.upload(vehicle.upload, agents[row].yaw)
         )
         if refused:
             raise PluginError(

@@ -58,7 +58,7 @@ class AiDecks:
         for deck in self._decks.values():
             deck.client.reached(max(0.0, until - time.monotonic()))
         for deck in self._decks.values():
-            deck.watch(seen=False)
+            deck.watch(has_image=False)
 
     def frames(self, began: float) -> Frames:
         """Return the images since the last call.
@@ -69,9 +69,9 @@ class AiDecks:
         shots = []
         for row, deck in self._decks.items():
             arrived = deck.client.arrived()
-            deck.watch(seen=bool(arrived))
+            deck.watch(has_image=bool(arrived))
             shots += [(row, shot) for shot in arrived]
-        shots.sort(key=lambda found: found[1].arrived)
+        shots.sort(key=lambda shot: shot[1].arrived)
         if not shots:
             return Frames.none()
         return Frames(
@@ -98,14 +98,15 @@ class _AiDeck:
     client: CameraClient
     lost: bool = False
 
-    def watch(self, *, seen: bool) -> None:
+    def watch(self, *, has_image: bool) -> None:
         """Log when the camera is lost and when it is back.
 
         Args:
-            seen: Whether an image has just arrived. Only that counts as back: a deck that accepts
-                connections and sends nothing would otherwise alternate between back and lost.
+            has_image: Whether an image has just arrived. Only that counts as back: a deck that
+                accepts connections and sends nothing would otherwise alternate between back and
+                lost.
         """
-        if seen:
+        if has_image:
             if self.lost:
                 log.info("radio: the camera of %s is back", self.name)
             self.lost = False

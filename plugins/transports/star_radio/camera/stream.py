@@ -132,9 +132,9 @@ class Stream:
 
     def _beginning(self, stream: bytes, at: int) -> int:
         """Return the offset of the next image, or near the end of the data if there is none."""
-        found = _BEGINNING.search(stream, at)
-        self._lost = found is None
-        return max(at, len(stream) - _OVERLAP) if found is None else found.start()
+        match = _BEGINNING.search(stream, at)
+        self._lost = match is None
+        return max(at, len(stream) - _OVERLAP) if match is None else match.start()
 
     def _take(self, data: memoryview, now: float, arrivals: list[Shot]) -> None:
         head = _head(data)

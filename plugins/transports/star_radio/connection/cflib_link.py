@@ -88,10 +88,10 @@ class CflibLink:
     def _open(self, timeout: float) -> Any:
         if not cflib.crtp.CLASSES:
             cflib.crtp.init_drivers()
-        found: queue.Queue[Any] = queue.Queue()
-        threading.Thread(target=self._start, args=(found,), daemon=True).start()
+        drivers: queue.Queue[Any] = queue.Queue()
+        threading.Thread(target=self._start, args=(drivers,), daemon=True).start()
         try:
-            driver = found.get(timeout=timeout)
+            driver = drivers.get(timeout=timeout)
         except queue.Empty:
             self._closing = True
             text = f"{self._uri}: not opened in {timeout:g} s"
@@ -102,16 +102,16 @@ class CflibLink:
             raise PluginError(f"cflib has no driver for {self._uri!r}", "invalid-address")
         return driver
 
-    def _start(self, found: queue.Queue[Any]) -> None:
+    def _start(self, drivers: queue.Queue[Any]) -> None:
         """Open the driver, which may take long; close it if the link was closed meanwhile."""
         try:
             driver = cflib.crtp.get_link_driver(
                 self._uri, self._listener.note_quality, self._complain
             )
         except Exception as error:  # noqa: BLE001 -- drivers raise any type
-            found.put(error)
+            drivers.put(error)
             return
-        found.put(driver)
+        drivers.put(driver)
         if self._closing and driver is not None:
             driver.close()
 

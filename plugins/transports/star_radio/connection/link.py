@@ -123,7 +123,9 @@ class Link:
                 wake = min(min(question.due, first + wait) for question, first in begun.items())
                 answered.wait(max(0.0, min(wake, deadline) - time.monotonic()))
                 answered.clear()
-                begun = {one: first for one, first in begun.items() if one.answer is None}
+                begun = {
+                    question: first for question, first in begun.items() if question.answer is None
+                }
         finally:
             for question in begun:
                 self._answers.drop(question)

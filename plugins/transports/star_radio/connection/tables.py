@@ -72,9 +72,9 @@ class Tables:
             if table is None:
                 items = (packets.table_item(port, number) for number in range(count))
                 answers = ask(
-                    [Question.of(one, one[1:4], _about(port, i)) for i, one in enumerate(items)]
+                    [Question.of(item, item[1:4], _about(port, i)) for i, item in enumerate(items)]
                 )
-                table = dict(_entry(port, *one) for one in enumerate(answers))
+                table = dict(_entry(port, *numbered) for numbered in enumerate(answers))
                 self._store(key, table)
             self._known[key] = table
         return table

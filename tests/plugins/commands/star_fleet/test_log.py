@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from star_fleet.packet import NULL, Port, expand
-from star_fleet.variables import FLOAT, FORMAT, HALF, I8, I16, U16, VARIABLES, held, held_one
+from star_fleet.variables import FLOAT, FORMAT, HALF, I8, I16, U16, VARIABLES, cast, cast_one
 from star_sim.airframe import DRAG_XY, GRAVITY, MASS
 
 Start = Callable[..., Any]
@@ -168,7 +168,7 @@ def test_a_variable_is_converted_to_the_type_that_is_asked_for(start: Start) -> 
 
 
 def test_what_a_type_cannot_hold_is_cut_to_its_range() -> None:
-    assert held(np.array([1e9, -1e9, float("nan"), -1.7]), I16) == [32767, -32768, 0, -1]
+    assert cast(np.array([1e9, -1e9, float("nan"), -1.7]), I16) == [32767, -32768, 0, -1]
 
 
 def test_every_variable_can_be_logged_in_flight(start: Start) -> None:
@@ -252,5 +252,5 @@ def test_an_accelerometer_measures_the_drag_of_the_air(start: Start) -> None:
 
 @given(st.floats(), st.sampled_from(sorted(FORMAT)))
 def test_a_value_is_held_alone_as_it_is_among_others(value: float, code: int) -> None:
-    (among,) = held([value], code)
-    assert held_one(value, code) == among or (math.isnan(among) and math.isnan(value))
+    (among,) = cast([value], code)
+    assert cast_one(value, code) == among or (math.isnan(among) and math.isnan(value))

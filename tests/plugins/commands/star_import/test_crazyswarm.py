@@ -149,7 +149,7 @@ def test_numbers_that_are_in_no_file_are_reported(place: Put, take: Import) -> N
     told = take("m.yaml", "crazyflies.yaml", "--force")
     assert (
         "m: numbers not in the files: limits.speed 0.2 m/s, limits.height 0.5 to 2 m, of goto: "
-        "speed 0.1 m/s, within 0.2 m, spacing 0.4 m where several fly to one place" in told
+        "speed 0.1 m/s, within 0.2 m, spacing 0.4 m where several fly to one position" in told
     )
 
 
