@@ -138,7 +138,7 @@ class FilterEstimator:
         if analysis.views or measured:
             self.add_views(time, analysis.views, stamped=report.stamped)
         elif analysis.other is not None:
-            tags = [seen.tag for seen in analysis.with_verdict(Verdict.ELSEWHERE)]
+            tags = [landmark.tag for landmark in analysis.with_verdict(Verdict.ELSEWHERE)]
             sheets = frozenset(self._sheets[tag] for tag in tags)
             claim = Claim(time, analysis.other.pose, analysis.other.covariance, sheets)
             if self._relocation.consider(claim, self.track):
@@ -241,7 +241,7 @@ class Relocation:
         if len(same) >= MIN_IMAGES:
             self._claims = [old for old in self._claims if old is not same[0]]
         self._claims.append(claim)
-        landmarks = frozenset[str]().union(*(one.landmarks for one in self._claims))
+        landmarks = frozenset[str]().union(*(claim.landmarks for claim in self._claims))
         if len(self._claims) < MIN_IMAGES or len(landmarks) < self._least:
             return False
         self._claims.clear()

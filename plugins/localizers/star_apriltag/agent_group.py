@@ -55,12 +55,12 @@ class TickOutput(NamedTuple):
 def merged(outputs: Iterable[TickOutput]) -> TickOutput:
     """Return the results of several ticks, earlier ones first, or of several groups."""
     result = TickOutput()
-    for one in outputs:
+    for output in outputs:
         result = TickOutput(
-            result.anchors | one.anchors,
-            result.fixed | one.fixed,
-            result.sightings + one.sightings,
-            result.detections + one.detections,
+            result.anchors | output.anchors,
+            result.fixed | output.fixed,
+            result.sightings + output.sightings,
+            result.detections + output.detections,
         )
     return result
 
@@ -77,7 +77,7 @@ class AgentGroup:
 
     def update(self, reports: TickInput) -> TickOutput:
         """Process the reports of one tick."""
-        before = {row: one.anchor for row, one in self._estimators.items()}
+        before = {row: estimator.anchor for row, estimator in self._estimators.items()}
         for row, estimator in self._estimators.items():
             rows = np.flatnonzero(reports.odometry.agent == row)
             estimator.add_odometry(reports.odometry, rows, motors=bool(reports.motors[row]))
@@ -100,7 +100,7 @@ class AgentGroup:
                     detections += _detections(image, analysis)
         for estimator in self._estimators.values():
             estimator.advance(reports.time)
-        anchors = {row: one.anchor for row, one in self._estimators.items()}
+        anchors = {row: estimator.anchor for row, estimator in self._estimators.items()}
         new = {row: anchor for row, anchor in anchors.items() if anchor is not before[row]}
         return TickOutput(new, frozenset(fixed), tuple(sightings), tuple(detections))
 

@@ -68,34 +68,34 @@ class BatchEstimator:
             return None
         tags, corners = report.tags, report.corners
         if report.image is not None:
-            found = self._detector.detect(report.image)
-            tags, corners = found.tag, found.corners
+            detections = self._detector.detect(report.image)
+            tags, corners = detections.tag, detections.corners
         turned = Pose(self._lens.mounting.rotation, np.zeros(3))
-        seen = {}
+        poses = {}
         for number, pixels in zip(tags.tolist(), corners, strict=True):
             tag = self._map.get(number)
             pose = homography_pose(self._lens.undistort(pixels), tag.size) if tag else None
             if pose is not None:
-                seen[number] = _as_gtsam(turned @ pose)
-        if seen:
-            self._optimize(time, seen)
-        reasons = ("" if tag in seen else "no landmark, or unsolved" for tag in tags.tolist())
+                poses[number] = _as_gtsam(turned @ pose)
+        if poses:
+            self._optimize(time, poses)
+        reasons = ("" if tag in poses else "no landmark, or unsolved" for tag in tags.tolist())
         return ImageAnalysis(
             detected=tuple(zip(tags.tolist(), corners, reasons, strict=True))
         ), None
 
-    def _optimize(self, time: float, seen: dict[int, gtsam.Pose3]) -> None:
+    def _optimize(self, time: float, poses: dict[int, gtsam.Pose3]) -> None:
         """Add a node with the tags seen from it, in the body, and optimize everything."""
         leg = self._leg(time)
         last, key = X(self._count), X(self._count + 1)
         self._count += 1
         self._graph.add(gtsam.BetweenFactorPose3(last, key, leg, self._noise))
         self._values.insert(key, self._node.compose(leg))
-        for number, pose in seen.items():
+        for number, pose in poses.items():
             if not self._values.exists(L(number)):
-                known = _as_gtsam(self._map[number].pose)
-                self._graph.add(gtsam.PriorFactorPose3(L(number), known, self._noise))
-                self._values.insert(L(number), known)
+                landmark = _as_gtsam(self._map[number].pose)
+                self._graph.add(gtsam.PriorFactorPose3(L(number), landmark, self._noise))
+                self._values.insert(L(number), landmark)
             self._graph.add(gtsam.BetweenFactorPose3(key, L(number), pose, self._noise))
         optimizer = gtsam.LevenbergMarquardtOptimizer(self._graph, self._values)
         self._values = optimizer.optimize()
@@ -141,11 +141,11 @@ def homography_pose(rays: Array, size: float) -> Pose | None:
     if not np.isfinite(rays).all():
         return None
     (x, y), (u, v) = square_corners(size)[:, :2].T, rays.T
-    one, zero = np.ones(4), np.zeros(4)
+    ones, zeros = np.ones(4), np.zeros(4)
     equations = np.concatenate(  # in double precision, which OpenCV's findHomography has not
         [
-            np.stack([x, y, one, zero, zero, zero, -u * x, -u * y, -u], axis=1),
-            np.stack([zero, zero, zero, x, y, one, -v * x, -v * y, -v], axis=1),
+            np.stack([x, y, ones, zeros, zeros, zeros, -u * x, -u * y, -u], axis=1),
+            np.stack([zeros, zeros, zeros, x, y, ones, -v * x, -v * y, -v], axis=1),
         ]
     )
     homography = np.linalg.svd(equations)[2][-1].reshape(3, 3)

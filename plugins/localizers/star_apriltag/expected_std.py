@@ -63,33 +63,35 @@ def expected_std(
     tags = scene.world.landmarks if max_tags_per_landmark else ()
     std = np.empty(yaw.shape)
     for row, agent in enumerate(scene.agents):
-        seen = np.zeros(len(time), np.bool_)
+        visible = np.zeros(len(time), np.bool_)
         if agent.camera is not None:
-            seen = _sees(agent.camera, tags, scene.world.obstacles, position[:, row], yaw[:, row])
+            visible = _sees(
+                agent.camera, tags, scene.world.obstacles, position[:, row], yaw[:, row]
+            )
         height = position[:, row, 2] - agent.start[2]
-        std[:, row] = _along(time, position[:, row, :2], height, seen)
+        std[:, row] = _along(time, position[:, row, :2], height, visible)
     return std
 
 
-def _along(time: Array, here: Array, height: Array, seen: Mask) -> Array:
+def _along(time: Array, position: Array, height: Array, visible: Mask) -> Array:
     """Return the standard deviation along a path, by where tags are seen: (T,) m.
 
     Args:
         time: (T,) s.
-        here: (T, 2) positions, m.
+        position: (T, 2) positions, m.
         height: (T,) m.
-        seen: (T,) whether a tag is in the image.
+        visible: (T,) whether a tag is in the image.
     """
-    step = np.hypot(*np.diff(here, axis=0, prepend=here[:1]).T)
+    step = np.hypot(*np.diff(position, axis=0, prepend=position[:1]).T)
     std = np.empty(len(time))
     base, since, area = START_STD**2, 0, PER_AREA + START_YAW_STD**2
     length = np.cumsum(step)
     noise = PER_TIME + PER_HEIGHT * np.maximum(height, LEAST_HEIGHT) ** 2
     noise = np.cumsum(noise * np.diff(time, prepend=time[0]))
     for k in range(len(time)):
-        if seen[k]:
+        if visible[k]:
             base, since, area = SEEN_STD**2, k, PER_AREA
-        away = float(((here[k] - here[since]) ** 2).sum())
+        away = float(((position[k] - position[since]) ** 2).sum())
         grown = noise[k] - noise[since] + PER_LENGTH * (length[k] - length[since])
         grown += (DRIFT_STD * (time[k] - time[since])) ** 2
         std[k] = np.sqrt(base + grown + area * away)
@@ -106,30 +108,30 @@ def _sees(
     """Return at which of (T, 3) positions, with (T,) headings, a tag is in the image: (T,)."""
     model = CameraModel(camera)
     mount = model.mounting
-    seen = np.zeros(len(position), np.bool_)
+    visible = np.zeros(len(position), np.bool_)
     if not tags:
-        return seen
+        return visible
     times, eyes, ends = [], [], []  # of the lines of sight
     rotations = np.array([rotation_from_quaternion(tag.rotation) for tag in tags])
     centers = np.array([tag.position for tag in tags])
     corners = np.array([square_corners(tag.size) for tag in tags])  # (K, 4, 3)
     corners = np.einsum("kij,kcj->kci", rotations, corners) + centers[:, None]
-    for k, (here, heading) in enumerate(zip(position, yaw.tolist(), strict=True)):
+    for k, (origin, heading) in enumerate(zip(position, yaw.tolist(), strict=True)):
         body = rotation_about_z(heading)
-        eye = here + body @ mount.position
+        eye = origin + body @ mount.position
         facing = ((eye - centers) * rotations[:, :, 2]).sum(axis=1) > 0.0
         points = (corners[facing] - eye) @ (body @ mount.rotation)
         ahead = np.flatnonzero((points[..., 2] > 0.0).all(axis=1))
         whole = ahead[model.sees(points[ahead], BORDER).all(axis=1)]
         pixels = model.project(points[whole])
-        found = centers[facing][whole[_widths(pixels) >= MIN_WIDTH]]
-        times += [k] * len(found)
-        eyes += [eye] * len(found)
-        ends += [*found]
+        readable = centers[facing][whole[_widths(pixels) >= MIN_WIDTH]]
+        times += [k] * len(readable)
+        eyes += [eye] * len(readable)
+        ends += [*readable]
     if times:
         clear = _clear(obstacles, np.array(eyes), np.array(ends))
-        seen[np.array(times)[clear]] = True
-    return seen
+        visible[np.array(times)[clear]] = True
+    return visible
 
 
 def _widths(pixels: Array) -> Array:

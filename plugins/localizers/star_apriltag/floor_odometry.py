@@ -159,8 +159,8 @@ class FloorOdometry:
         if track.newest < time:
             return None
         motion = track.between(last.time, time, yaw_bias=yaw_bias)
-        predicted, seen = self._tracked(last, image, sample, motion)
-        off = _consensus(predicted - seen, predicted, sample.height, self._lens.matrix[0, 0])
+        predicted, measured = self._tracked(last, image, sample, motion)
+        off = _consensus(predicted - measured, predicted, sample.height, self._lens.matrix[0, 0])
         self._difference = before.after(motion, off or 0j)
         if off is None or not self._difference.plausible:
             return None
@@ -173,17 +173,18 @@ class FloorOdometry:
         coarse = self._floor(self._coarse_rays, self._coarse, sample, min_dip=WARPED_DIP)
         whence = self._source(last.sample, coarse, motion).T.reshape(2, *self._shape)
         columns, rows = (
-            cv2.remap(one, *self._between, cv2.INTER_LINEAR) for one in whence.astype(np.float32)
+            cv2.remap(channel, *self._between, cv2.INTER_LINEAR)
+            for channel in whence.astype(np.float32)
         )
         drawn = cv2.remap(last.image, columns, rows, cv2.INTER_LINEAR)
         floor = self._floor(self._rays, self._pixels, sample)
         source = self._source(last.sample, floor, motion)
-        seen = (source > WINDOW / 2) & (source < self._size - WINDOW / 2)
-        chosen = np.flatnonzero(seen.all(axis=1))
+        inside = (source > WINDOW / 2) & (source < self._size - WINDOW / 2)
+        chosen = np.flatnonzero(inside.all(axis=1))
         if len(chosen) < MIN_POINTS:
             return np.zeros(0, np.complex128), np.zeros(0, np.complex128)
         points = np.ascontiguousarray(self._pixels[chosen, None], np.float32)
-        found, status, _ = cv2.calcOpticalFlowPyrLK(
+        tracked, status, _ = cv2.calcOpticalFlowPyrLK(
             drawn,
             image,
             points,
@@ -194,10 +195,10 @@ class FloorOdometry:
             criteria=(cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, MAX_STEPS, CONVERGED),
             minEigThreshold=MIN_TEXTURE,
         )
-        pixels = np.asarray(found, np.float64)[:, 0]
-        there = self._floor(self._lens.undistort(pixels), pixels, sample)
-        good = (status[:, 0] == 1) & np.isfinite(there)
-        return floor[chosen[good]], there[good]
+        pixels = np.asarray(tracked, np.float64)[:, 0]
+        floor_points = self._floor(self._lens.undistort(pixels), pixels, sample)
+        good = (status[:, 0] == 1) & np.isfinite(floor_points)
+        return floor[chosen[good]], floor_points[good]
 
     def _source(self, sample: OdometrySample, floor: Points, motion: Motion) -> Array:
         """Return the (K, 2) px of points of the floor in the last image.
@@ -215,8 +216,8 @@ class FloorOdometry:
             point = (then - delay * velocity) * np.exp(-1j * sample.yaw_rate * delay)
             ahead = np.column_stack([point.real, point.imag, np.zeros(len(floor))]) - position
             ahead = np.nan_to_num(ahead @ rotation, nan=-1.0)
-            seen = ahead[:, 2:] > MIN_DEPTH
-            pixels = np.where(seen, self._lens.project(np.where(seen, ahead, 1.0)), OUTSIDE)
+            in_front = ahead[:, 2:] > MIN_DEPTH
+            pixels = np.where(in_front, self._lens.project(np.where(in_front, ahead, 1.0)), OUTSIDE)
             delay = np.clip(self._lens.row_delay(pixels), -1.0, 1.0)
         return np.clip(pixels, OUTSIDE, -OUTSIDE)
 
@@ -272,16 +273,16 @@ def _consensus(shifts: Points, points: Points, height: float, focal: float) -> c
     roll, pitch = points * points.imag / height, points * points.real / height
     columns = even, 1j * even, 1j * points, 1j * height + roll, -height - pitch
     by = np.column_stack([_parts(np.asarray(column * fine)) for column in columns])
-    seen = _parts(shifts * fine)
+    pixel_shifts = _parts(shifts * fine)
     prior = np.diag((POINT_STD / ODOMETRY_STD) ** 2)
     weight = np.ones(len(points))
     for _ in range(ITERATIONS):
         weighted = by * np.tile(weight, 2)[:, None]
-        found = np.linalg.solve(weighted.T @ by + prior, weighted.T @ seen)
-        off = np.hypot(*(seen - by @ found).reshape(2, -1))
+        solution = np.linalg.solve(weighted.T @ by + prior, weighted.T @ pixel_shifts)
+        off = np.hypot(*(pixel_shifts - by @ solution).reshape(2, -1))
         spread = float(np.median(off)) / RAYLEIGH
         weight = 1 / np.maximum(1.0, off / (HUBER * max(spread, CONVERGED)))
-    return complex(*found[:2]) if spread < MAX_SPREAD else None
+    return complex(*solution[:2]) if spread < MAX_SPREAD else None
 
 
 def _parts(values: Points) -> Array:

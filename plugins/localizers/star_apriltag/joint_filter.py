@@ -97,7 +97,7 @@ class JointFilter:
         for tag in tags:
             sheets.setdefault(tag.of, []).append(tag)
         self._sheets = {
-            tag.id: (name, np.mean([one.position for one in members], axis=0))
+            tag.id: (name, np.mean([member.position for member in members], axis=0))
             for name, members in sheets.items()
             for tag in members
         }
@@ -227,15 +227,15 @@ class JointFilter:
             _, center = self._sheets[tag]
             away = (view.points - center) @ rotation_from_vector(mean[row : row + 3]).T
             moved = view._replace(points=center + away + mean[row + 3 : row + 6])
-            seen, residual, by_pose, by_camera = reproject(body, moved, motion, camera)
-            rays = seen[:, :2] / seen[:, 2:]
+            points, residual, by_pose, by_camera = reproject(body, moved, motion, camera)
+            rays = points[:, :2] / points[:, 2:]
             by_shift = by_pose[:, 3:] @ body.rotation.T  # of the body in the map
             by_state = np.zeros((len(residual), len(mean)))
             by_state[:, [X, Y, Z]] = by_shift
             by_state[:, [ROLL, PITCH, YAW]] = by_pose[:, :3] @ level.T
             by_state[:, SLIP_X] = -TILT_PER_SLIP * by_state[:, PITCH]
             by_state[:, SLIP_Y] = TILT_PER_SLIP * by_state[:, ROLL]
-            by_state[:, CAMERA] = -(by_camera @ skew(seen) @ self.camera_turn).reshape(-1, 3)
+            by_state[:, CAMERA] = -(by_camera @ skew(points) @ self.camera_turn).reshape(-1, 3)
             by_state[:, row : row + 3] = (by_shift.reshape(-1, 2, 3) @ skew(away)).reshape(-1, 3)
             by_state[:, row + 3 : row + 6] = -by_shift
             by_state *= 1 + mean[FOCAL]

@@ -134,22 +134,22 @@ def camera_reports(telemetry: Telemetry, latency: float) -> tuple[CameraReport, 
     One with a time in the future is left out: its clock is wrong.
     """
     reports = []
-    frames, found = telemetry.frames, telemetry.detections
+    frames, detections = telemetry.frames, telemetry.detections
     no_tags = (np.zeros(0, np.int64), np.zeros((0, 4, 2)))
     taken = np.where(np.isfinite(frames.taken), frames.taken, frames.arrived - latency)
     stamped = np.isfinite(frames.taken).tolist()
     times = zip(frames.agent.tolist(), taken.tolist(), frames.arrived.tolist(), strict=True)
-    for (row, time, arrived), image, known in zip(times, frames.image, stamped, strict=True):
-        reports.append(CameraReport(row, time, image, *no_tags, arrived, known))
-    taken = np.where(np.isfinite(found.taken), found.taken, found.arrived - latency)
-    for row, time in sorted(set(zip(found.agent.tolist(), taken.tolist(), strict=True))):
-        rows = (found.agent == row) & (taken == time)
-        arrived = float(found.arrived[rows].max())
-        tags, corners = found.tag[rows], found.corners[rows]
-        known = bool(np.isfinite(found.taken[rows]).all())
-        reports.append(CameraReport(row, time, None, tags, corners, arrived, known))
-    past = (one for one in reports if one.taken <= telemetry.time + CLOCK_TOLERANCE)
-    return tuple(sorted(past, key=lambda one: (one.taken, one.row)))
+    for (row, time, arrived), image, has_time in zip(times, frames.image, stamped, strict=True):
+        reports.append(CameraReport(row, time, image, *no_tags, arrived, has_time))
+    taken = np.where(np.isfinite(detections.taken), detections.taken, detections.arrived - latency)
+    for row, time in sorted(set(zip(detections.agent.tolist(), taken.tolist(), strict=True))):
+        rows = (detections.agent == row) & (taken == time)
+        arrived = float(detections.arrived[rows].max())
+        tags, corners = detections.tag[rows], detections.corners[rows]
+        has_time = bool(np.isfinite(detections.taken[rows]).all())
+        reports.append(CameraReport(row, time, None, tags, corners, arrived, has_time))
+    past = (report for report in reports if report.taken <= telemetry.time + CLOCK_TOLERANCE)
+    return tuple(sorted(past, key=lambda report: (report.taken, report.row)))
 
 
 # An estimator treats the errors of consecutive corrections as independent, which they are not, so
@@ -193,7 +193,7 @@ class Feedback:
         telemetry: Telemetry,
     ) -> Corrections:
         """Return the corrections of the agents in rows `fixed`, which have a new fix."""
-        found: list[tuple[Any, ...]] = []
+        rows: list[tuple[Any, ...]] = []
         for row in sorted(set(fixed)):
             state = states[row]
             self._step_back(row)
@@ -210,8 +210,8 @@ class Feedback:
             spread = math.sqrt(float(np.linalg.eigvalsh(state.covariance[:2, :2])[-1]))
             turn = max(MIN_YAW_STD, STD_FACTOR * math.sqrt(state.covariance[3, 3]))
             deviations = max(MIN_STD, STD_FACTOR * spread), turn if self._turns else math.inf
-            found.append((row, position, attitude, *deviations))
-        corrections: Corrections = _table(Corrections, tuple(found))
+            rows.append((row, position, attitude, *deviations))
+        corrections: Corrections = _table(Corrections, tuple(rows))
         return corrections
 
     def _step_back(self, row: int) -> None:

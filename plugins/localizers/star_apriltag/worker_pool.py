@@ -219,7 +219,7 @@ def serve(descriptor: int) -> None:
         connection.send(Answer(TickOutput()))
         while True:
             ticks = connection.recv()
-            output = merged([group.update(one) for one in ticks])
+            output = merged([group.update(reports) for reports in ticks])
             messages = tuple(records.get() for _ in range(records.qsize()))
             connection.send(Answer(output, messages))
     except (EOFError, OSError):  # the parent has ended

@@ -104,24 +104,24 @@ class Clearances:
         self._flown[row], self._tried[row], self._found_at[row] = level, self._wanted[row], time
 
     def search(
-        self, row: int, here: Array, goal: Array, work: Work
+        self, row: int, position: Array, goal: Array, work: Work
     ) -> Generator[None, None, WidePath]:
         """Return the path of an agent, as `Routes.search`, and its level.
 
         Args:
             row: Of the agent.
-            here: (3,) its position, m.
+            position: (3,) its position, m.
             goal: (3,) m.
             work: Budget; yields whenever it is used up.
         """
-        wanted = int(self._wanted[row])
-        shortest = yield from self.routes[0].search(here, goal, work)
+        widest_level = int(self._wanted[row])
+        shortest = yield from self.routes[0].search(position, goal, work)
         if isinstance(shortest, str):
             return shortest, 0
-        limit = MAX_DETOUR * _length(here, shortest) + EXTRA_DETOUR
-        for level in range(wanted, 0, -1):
-            way = yield from self.routes[level].search(here, goal, work)
-            if not isinstance(way, str) and _length(here, way) <= limit:
+        limit = MAX_DETOUR * _length(position, shortest) + EXTRA_DETOUR
+        for level in range(widest_level, 0, -1):
+            way = yield from self.routes[level].search(position, goal, work)
+            if not isinstance(way, str) and _length(position, way) <= limit:
                 return way, level
         return shortest, 0
 
@@ -135,7 +135,7 @@ class Clearances:
                 yield routes, some
 
 
-def _length(here: Array, way: Array) -> float:
+def _length(position: Array, way: Array) -> float:
     """Return the length of a path from a position, m."""
-    points = [here.tolist(), *way.tolist()]
+    points = [position.tolist(), *way.tolist()]
     return sum(map(math.dist, points[:-1], points[1:]))

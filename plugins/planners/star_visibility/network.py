@@ -40,7 +40,7 @@ Flat: TypeAlias = tuple[Array, Array, Mask]
 """(M, 2) points of a polyline in the plane, m; (M - 1,) a free height of each segment, m; and (M,)
 whether the polyline turns around a corner there."""
 
-Found: TypeAlias = tuple[float, Array, Flat]
+Candidate: TypeAlias = tuple[float, Array, Flat]
 """Length of a path, m; (K, 3) its points, m; and its polyline in the plane."""
 
 
@@ -85,45 +85,45 @@ class Network:
         """
         if sees(self._planned, start, end):
             return np.array([start, end])
-        there = tuple(start.tolist()) <= tuple(end.tolist())  # the same path in both directions
-        way = yield from self._path(*((start, end) if there else (end, start)), work)
-        return way if way is None or there else way[::-1].copy()
+        forward = tuple(start.tolist()) <= tuple(end.tolist())  # the same path in both directions
+        way = yield from self._path(*((start, end) if forward else (end, start)), work)
+        return way if way is None or forward else way[::-1].copy()
 
     def _path(self, start: Array, end: Array, work: Work) -> Generator[None, None, Array | None]:
         met = self._met(np.array([start[:2], end[:2]]))
-        found = yield from self._tried(self._plain, start, end, met, math.inf, work)
-        if self._portals is None or (found and found[0] <= DETOUR * math.dist(start, end)):
-            return found[1] if found else None
-        every, least = joined(self._plain, self._portals), found[0] if found else math.inf
+        best = yield from self._tried(self._plain, start, end, met, math.inf, work)
+        if self._portals is None or (best and best[0] <= DETOUR * math.dist(start, end)):
+            return best[1] if best else None
+        every, least = joined(self._plain, self._portals), best[0] if best else math.inf
         other = yield from self._tried(every, start, end, met, least, work)
         while other and other[0] < least - STRAIGHT:
-            found, least = other, other[0]
+            best, least = other, other[0]
             line, _, turns = other[2]
             turns[[0, -1]] = True
             more = np.concatenate([self._met(line[turns]), line[~turns]])
             other = yield from self._tried(self._plain, start, end, more, least, work)
-        return found[1] if found else None
+        return best[1] if best else None
 
     def _tried(
         self, base: Nodes, start: Array, end: Array, more: Array, most: float, work: Work
-    ) -> Generator[None, None, Found | None]:
+    ) -> Generator[None, None, Candidate | None]:
         """Search for the shortest path, also by extra points; None if none is below `most`, m.
 
         If it cannot climb as evenly as the search assumed, the search is repeated as if no path
         could, and the shorter of both is returned.
         """
-        found: Found | None = None
+        best: Candidate | None = None
         for steep in (False, True):
             flat = yield from self._flat(base, (start, end), more, most, work, steep=steep)
             if flat is None:
                 break
             way = self._whole(flat[0], start, end)
             length = _length(way)
-            if found is None or length < found[0]:
-                found = length, way, flat[0]
+            if best is None or length < best[0]:
+                best = length, way, flat[0]
             if length <= STEEP * flat[1]:
                 break
-        return found
+        return best
 
     def _flat(
         self,
@@ -137,38 +137,38 @@ class Network:
     ) -> Generator[None, None, tuple[Flat, float] | None]:
         """Search for the shortest polyline, and return it with the length the search assumes."""
         start, end = ends
-        known = joined(base, self._nodes(np.concatenate([[start[:2], end[:2]], more])))
+        all_nodes = joined(base, self._nodes(np.concatenate([[start[:2], end[:2]], more])))
         first, z = len(base.position), min(max(float(end[2]), self._height[0]), self._height[1])
         goal = Goal(first + 1, float(end[0]), float(end[1]), z, most, steep)
-        search = self._begin(known, first, start, end)
+        search = self._begin(all_nodes, first, start, end)
         work.left -= BEGIN
         while True:
             if work.left <= 0:
                 yield
-            how, state, work.left = advance(self._net, known, search, goal, work.left)
+            how, state, work.left = advance(self._net, all_nodes, search, goal, work.left)
             if how == FULL:
                 search = _longer(search)
             elif how == FOUND:
-                line = _line(known, search, int(state), len(self._net.corner.position))
+                line = _line(all_nodes, search, int(state), len(self._net.corner.position))
                 return line, float(search.total[state])
             elif how != MORE:
                 return None
 
-    def _begin(self, known: Nodes, first: int, start: Array, end: Array) -> Search:
-        states, z = len(known.of), float(np.clip(start[2], *self._height))
-        most = int(np.diff(self._net.graph.first).max(initial=0)) + len(known.position) + states
+    def _begin(self, all_nodes: Nodes, first: int, start: Array, end: Array) -> Search:
+        states, z = len(all_nodes.of), float(np.clip(start[2], *self._height))
+        most = int(np.diff(self._net.graph.first).max(initial=0)) + len(all_nodes.position) + states
         zero, count = np.zeros(states), np.array([0, most])
         search = Search(
             zero, zero.copy(), zero.copy(), np.full(states, np.inf), np.full(states, -1),
             np.zeros(states, np.bool_), np.empty(4 * most), np.empty(4 * most, np.int64),
             np.empty(4 * most, np.int64), np.empty(4 * most, np.int64), count,
         )  # fmt: skip
-        for state in range(known.first[first], known.first[first + 1]):
-            low, high = known.open[state]
+        for state in range(all_nodes.first[first], all_nodes.first[first + 1]):
+            low, high = all_nodes.open[state]
             if low - STRAIGHT <= z <= high + STRAIGHT:
                 search.z[state], search.total[state] = z, math.dist(start, end)
                 k = count[0]
-                search.key[k], search.who[k], search.to[k] = 0.0, state, -1
+                search.key[k], search.origin[k], search.to[k] = 0.0, state, -1
                 count[0] += 1
                 break
         return search
@@ -185,19 +185,19 @@ class Network:
         return np.concatenate([*above, way, *below])
 
     def _nodes(self, position: Array, block: Rows | None = None) -> Nodes:
-        own: Rows = np.full(len(position), -1) if block is None else block
-        return nodes(self._parts, self._span, self._height, position, own)
+        corner_block: Rows = np.full(len(position), -1) if block is None else block
+        return nodes(self._parts, self._span, self._height, position, corner_block)
 
     def _met(self, line: Array) -> Array:
         """(K, 2) points where a line enters or leaves what it can fly over or under, m."""
-        found = [np.empty((0, 2))]
+        points = [np.empty((0, 2))]
         for a, b in pairwise(line):
             length = math.dist(a, b)
             for part in self._passed:
                 ends = entered(self._parts, part, *a, *b)
                 inner = ends[(ends > STRAIGHT) & (ends < length - STRAIGHT)]
-                found.append(a + inner[:, None] * (b - a) / max(length, STRAIGHT))
-        return np.concatenate(found)
+                points.append(a + inner[:, None] * (b - a) / max(length, STRAIGHT))
+        return np.concatenate(points)
 
     def _warm_up(self, low: Array, high: Array) -> None:
         """Compile the kernels used in flight, or load them from the cache, before take-off."""
@@ -209,19 +209,19 @@ class Network:
         profile(self._parts, self._span, flat, low[2:], (low[2], low[2]))
 
 
-def _line(known: Nodes, search: Search, state: int, corner_count: int) -> Flat:
+def _line(all_nodes: Nodes, search: Search, state: int, corner_count: int) -> Flat:
     chain = [state]
     while search.came[chain[-1]] >= 0:
         chain.append(int(search.came[chain[-1]]))
     chain.reverse()
-    at = known.of[chain]
-    return known.position[at], search.z[chain[1:]], at < corner_count
+    at = all_nodes.of[chain]
+    return all_nodes.position[at], search.z[chain[1:]], at < corner_count
 
 
 def _longer(search: Search) -> Search:
-    key, who, to, by = (np.concatenate([row, np.empty_like(row)]) for row in
-                        (search.key, search.who, search.to, search.by))  # fmt: skip
-    return search._replace(key=key, who=who, to=to, by=by)
+    key, origin, to, by = (np.concatenate([row, np.empty_like(row)]) for row in
+                        (search.key, search.origin, search.to, search.by))  # fmt: skip
+    return search._replace(key=key, origin=origin, to=to, by=by)
 
 
 def _turns(way: Array) -> Array:

@@ -30,10 +30,10 @@ def nodes(
     """
     of, free = columns(parts, span, position, *height)
     come = free.copy()
-    own = block[of] >= 0
-    its = span[block[of[own]]] if own.any() else np.empty((0, 2))
-    come[own, 0] = np.maximum(come[own, 0], its[:, 0])
-    come[own, 1] = np.minimum(come[own, 1], its[:, 1])
+    at_corner = block[of] >= 0
+    its = span[block[of[at_corner]]] if at_corner.any() else np.empty((0, 2))
+    come[at_corner, 0] = np.maximum(come[at_corner, 0], its[:, 0])
+    come[at_corner, 1] = np.minimum(come[at_corner, 1], its[:, 1])
     use = come[:, 1] - come[:, 0] > LEAST
     of, free, come = of[use], free[use], come[use]
     return Nodes(position, np.searchsorted(of, np.arange(len(position) + 1)), free, come, of)
@@ -90,18 +90,18 @@ def portals(blocks: list[Block], height: tuple[float, float], fence: Fence) -> A
     inside = shapely.box(*fence.low[:2], *fence.high[:2])
     line = [shapely.MultiPolygon(block.ground).boundary for block in blocks]
     passed = [k for k, block in enumerate(blocks) if (block.low, block.high) != height]
-    found = [np.empty((0, 2))]
+    candidates = [np.empty((0, 2))]
     for k in passed:
         for piece in shapely.get_parts(shapely.intersection(line[k], inside)):
             along = np.linspace(0.0, piece.length, math.ceil(piece.length / STEP) + 1)
-            found.append(shapely.get_coordinates(shapely.line_interpolate_point(piece, along)))
+            candidates.append(shapely.get_coordinates(shapely.line_interpolate_point(piece, along)))
     if passed:
         tree = shapely.STRtree(line)
-        one, other = tree.query([line[k] for k in passed], predicate="intersects")
-        one = np.array(passed)[one]
-        pairs = one != other
+        first, other = tree.query([line[k] for k in passed], predicate="intersects")
+        first = np.array(passed)[first]
+        pairs = first != other
         lines = np.array(line, object)
-        meet = shapely.intersection(lines[one[pairs]], lines[other[pairs]])
+        meet = shapely.intersection(lines[first[pairs]], lines[other[pairs]])
         points = shapely.get_coordinates(shapely.intersection(meet, inside))
-        found.append(points)
-    return np.unique(np.concatenate(found), axis=0)
+        candidates.append(points)
+    return np.unique(np.concatenate(candidates), axis=0)

@@ -39,7 +39,7 @@ def openings(
     ax, ay, bx, by = a[0], a[1], b[0], b[1]
     count = len(span)
     begin, end = np.empty(count + 1), np.empty(count + 1)
-    found = 0
+    crossings = 0
     for part in range(count):
         foot, top = span[part, 0], span[part, 1]
         if foot >= high or top <= low:
@@ -47,20 +47,20 @@ def openings(
         if meets(parts, part, ax, ay, bx, by) or (
             part not in touches and strictly(parts, part, (ax + bx) / 2, (ay + by) / 2)
         ):
-            index = found  # in ascending order of their lower bounds
+            index = crossings  # in ascending order of their lower bounds
             while index > 0 and begin[index - 1] > foot:
                 begin[index], end[index] = begin[index - 1], end[index - 1]
                 index -= 1
             begin[index], end[index] = foot, top
-            found += 1
-    begin[found] = np.inf
-    free = np.empty((found + 1, 2))
+            crossings += 1
+    begin[crossings] = np.inf
+    free = np.empty((crossings + 1, 2))
     rows, least = 0, low
-    for k in range(found + 1):
+    for k in range(crossings + 1):
         if min(begin[k], high) - least > LEVEL:
             free[rows, 0], free[rows, 1] = least, min(begin[k], high)
             rows += 1
-        if k < found:
+        if k < crossings:
             least = max(least, end[k])
     answer: Array = free[:rows]
     return answer

@@ -26,13 +26,13 @@ class Job(NamedTuple):
     """A path that is being planned.
 
     Attributes:
-        here: (3,) start position, m.
+        start: (3,) start position, m.
         goal: (3,) goal position, m.
         work: Budget available to it now.
         search: Yields when that is used up.
     """
 
-    here: Array
+    start: Array
     goal: Array
     work: Work
     search: Generator[None, None, WidePath]
@@ -95,27 +95,27 @@ class Visibility:
 
     def plan(self, estimate: Estimate, goals: Goals) -> Plan:
         active = goals.active & estimate.valid
-        here = np.where(active[:, None], estimate.position, 0.0)
+        position = np.where(active[:, None], estimate.position, 0.0)
         aim = np.where(active[:, None], goals.position, 0.0)
         self._clearances.choose(estimate)
-        off = active & self._routes.too_high_or_low(here, aim)
+        off = active & self._routes.too_high_or_low(position, aim)
         aim[:, 2] = np.where(off, aim[:, 2], np.clip(aim[:, 2], *self._height))
         changed = active & ~off & (goals.position != self._goal).any(axis=1)
         self._goal = np.where(goals.active[:, None], goals.position, np.nan)
-        self._allow_staying(here, aim, changed & ~goals.velocity.any(axis=1))
-        direct = self._direct = self._sees_goal(here, aim, active & ~off)
+        self._allow_staying(position, aim, changed & ~goals.velocity.any(axis=1))
+        direct = self._direct = self._sees_goal(position, aim, active & ~off)
         tracked, on = self._tracked, active & ~direct
         tracked.forget(~on)
-        known = on & (tracked.count > 0)
+        has_path = on & (tracked.count > 0)
         moved = _far(aim, tracked.goal)
-        tracked.aim(known & (moved <= self._replan_distance), aim)
-        target, lost = self._steer(here, known)
+        tracked.aim(has_path & (moved <= self._replan_distance), aim)
+        target, lost = self._steer(position, has_path)
         fresh = (moved <= self._replan_distance) & np.where(
-            known, ~lost, _far(here, tracked.start) <= self._replan_distance
+            has_path, ~lost, _far(position, tracked.start) <= self._replan_distance
         )
         fresh &= ~self._doubtful(aim, on & changed) & ~self._clearances.outdated(estimate.time)
-        asked = self._ask(here, aim, on & ~fresh, estimate.time)
-        again, still_lost = self._steer(here, asked & (tracked.count > 0))
+        asked = self._ask(position, aim, on & ~fresh, estimate.time)
+        again, still_lost = self._steer(position, asked & (tracked.count > 0))
         target[asked], lost[asked] = again[asked], still_lost[asked]
         moved = _far(aim, tracked.goal)
         on &= (tracked.count > 0) & ~lost & (moved <= self._hold_distance)
@@ -123,16 +123,16 @@ class Visibility:
         stuck[list(tracked.fault)] = True
         return Plan(
             self._setpoint(estimate, goals, direct, on, target),
-            tracked.paths(here, direct, aim, on),
+            tracked.paths(position, direct, aim, on),
             unreachable=stuck & (moved <= self._replan_distance),
             reasons=dict(tracked.fault),
         )
 
-    def _allow_staying(self, here: Array, aim: Array, rows: Mask) -> None:
+    def _allow_staying(self, position: Array, aim: Array, rows: Mask) -> None:
         """Accept new goals of agents that are already there, within the clearances."""
-        away = np.sqrt(((aim - here)[:, :2] ** 2).sum(axis=1))
+        away = np.sqrt(((aim - position)[:, :2] ** 2).sum(axis=1))
         for row in np.flatnonzero(rows & (away <= THERE)).tolist():
-            self._routes.allow_staying(here[row], aim[row])
+            self._routes.allow_staying(position[row], aim[row])
 
     def _doubtful(self, aim: Array, rows: Mask) -> Mask:
         """Whether goals that moved, however little, may now be refused, or accepted: (N,)."""
@@ -142,28 +142,28 @@ class Visibility:
             doubtful[row] = stuck or self._routes.refusal(aim[row]) is not None
         return doubtful
 
-    def _sees_goal(self, here: Array, aim: Array, active: Mask) -> Mask:
+    def _sees_goal(self, position: Array, aim: Array, active: Mask) -> Mask:
         """Whether there is a line of sight between agent and goal: (N,).
 
         Paths are planned with the margin; an agent that already flies straight may use it up.
         """
         answer = np.zeros(len(active), np.bool_)
         for routes, rows in self._clearances.wanted_by(active):
-            sees = all_see(routes.planned, here, aim, np.flatnonzero(rows))
+            sees = all_see(routes.planned, position, aim, np.flatnonzero(rows))
             rest = np.flatnonzero(rows & ~sees & self._direct)
-            answer |= sees | all_see(routes.kept, here, aim, rest)
+            answer |= sees | all_see(routes.kept, position, aim, rest)
         return answer
 
-    def _steer(self, here: Array, rows: Mask) -> tuple[Array, Mask]:
+    def _steer(self, position: Array, rows: Mask) -> tuple[Array, Mask]:
         tracked = self._tracked
-        target, lost = np.zeros(here.shape), np.zeros(len(here), np.bool_)
+        target, lost = np.zeros(position.shape), np.zeros(len(position), np.bool_)
         for routes, some in self._clearances.flown_by(rows):
             points, hidden = steer(
                 routes.planned,
                 routes.kept,
                 routes.shunned,
                 routes.solid,
-                here,
+                position,
                 np.flatnonzero(some),
                 tracked.start,
                 tracked.path,
@@ -174,7 +174,7 @@ class Visibility:
             target[some], lost[some] = points[some], hidden[some]
         return target, lost
 
-    def _ask(self, here: Array, aim: Array, wanting: Mask, time: float) -> Mask:
+    def _ask(self, position: Array, aim: Array, wanting: Mask, time: float) -> Mask:
         """Plan paths of agents in turn, and return which are done: (N,)."""
         self._jobs = {row: job for row, job in self._jobs.items() if wanting[row]}
         rows: Rows = np.flatnonzero(wanting)
@@ -183,7 +183,7 @@ class Visibility:
         for k, row in enumerate(rows.tolist()):
             if left <= 0:
                 break
-            job = self._jobs.get(row) or self._job(row, here[row].copy(), aim[row].copy())
+            job = self._jobs.get(row) or self._job(row, position[row].copy(), aim[row].copy())
             job.work.left = share = max(left // (len(rows) - k), min(left, WORK // SHARE))
             try:
                 next(job.search)
@@ -191,16 +191,16 @@ class Visibility:
             except StopIteration as end:
                 self._jobs.pop(row, None)
                 way, level = end.value
-                self._tracked.put(row, job.here, job.goal, way)
+                self._tracked.put(row, job.start, job.goal, way)
                 self._clearances.fly(row, level, time)
                 done[row] = True
             left -= share - job.work.left
             self._next = (row + 1) % len(wanting)
         return done
 
-    def _job(self, row: int, here: Array, goal: Array) -> Job:
+    def _job(self, row: int, start: Array, goal: Array) -> Job:
         work = Work(0)
-        return Job(here, goal, work, self._clearances.search(row, here, goal, work))
+        return Job(start, goal, work, self._clearances.search(row, start, goal, work))
 
     def _setpoint(
         self, estimate: Estimate, goals: Goals, direct: Mask, on: Mask, target: Array
@@ -223,7 +223,7 @@ class Visibility:
         )
 
 
-def _far(one: Array, other: Array) -> Array:
+def _far(position: Array, other: Array) -> Array:
     """(N,) distances, m; infinite where a position is not known."""
-    distance = np.sqrt(((one - other) ** 2).sum(axis=1))
+    distance = np.sqrt(((position - other) ** 2).sum(axis=1))
     return np.where(np.isnan(distance), np.inf, distance)

@@ -52,9 +52,9 @@ def _corridor(over: Array, length: float) -> tuple[Array, Array, Array]:
     if len(at) > 1:
         at[-1] = length
     middle = (at[:-1] + at[1:]) / 2
-    there = (over[:, :1] < middle) & (middle < over[:, 1:2])  # (C, K)
-    low = np.where(there, over[:, 2:3], -np.inf).max(axis=0, initial=-np.inf)
-    high = np.where(there, over[:, 3:4], np.inf).min(axis=0, initial=np.inf)
+    inside = (over[:, :1] < middle) & (middle < over[:, 1:2])  # (C, K)
+    low = np.where(inside, over[:, 2:3], -np.inf).max(axis=0, initial=-np.inf)
+    high = np.where(inside, over[:, 3:4], np.inf).min(axis=0, initial=np.inf)
     return at, low, high
 
 
@@ -75,8 +75,8 @@ def _taut(
         if max(below, least) <= min(above, most):
             gates.append((s, max(below, least), min(above, most)))
         else:
-            one, other = (below, most) if below > most else (above, least)
-            gates += [(s, one, one), (s, other, other)]
+            edge, bound = (below, most) if below > most else (above, least)
+            gates += [(s, edge, edge), (s, bound, bound)]
     start = (float(at[0]), ends[0])
     if len(low) and not low[0] <= ends[0] <= high[0]:
         gates.insert(0, (start[0], *2 * (float(np.clip(ends[0], low[0], high[0])),)))
@@ -126,7 +126,7 @@ def crossed(parts: Regions, span: Array, flat: Array, leg: Array) -> Array:
     Returns:
         (C, 4) begin and end along the polyline, least and greatest height, m.
     """
-    found = np.empty((len(span) * len(leg), 4))
+    crossings = np.empty((len(span) * len(leg), 4))
     count, passed = 0, 0.0
     for k in range(len(leg)):
         ax, ay, bx, by = flat[k, 0], flat[k, 1], flat[k + 1, 0], flat[k + 1, 1]
@@ -134,10 +134,10 @@ def crossed(parts: Regions, span: Array, flat: Array, leg: Array) -> Array:
             ends = entered(parts, part, ax, ay, bx, by)
             if ends[0] < np.inf:
                 over = leg[k] >= (span[part, 0] + span[part, 1]) / 2
-                found[count, 0], found[count, 1] = passed + ends[0], passed + ends[1]
-                found[count, 2] = span[part, 1] if over else -np.inf
-                found[count, 3] = np.inf if over else span[part, 0]
+                crossings[count, 0], crossings[count, 1] = passed + ends[0], passed + ends[1]
+                crossings[count, 2] = span[part, 1] if over else -np.inf
+                crossings[count, 3] = np.inf if over else span[part, 0]
                 count += 1
         passed += math.hypot(bx - ax, by - ay)
-    answer: Array = found[:count]
+    answer: Array = crossings[:count]
     return answer

@@ -73,11 +73,11 @@ def blocks(
         begin, end = foot - vertical_clearance, top + vertical_clearance
         if begin < high - THIN and end > low + THIN:
             alike.setdefault((max(begin, low), min(end, high)), []).append(obstacle)
-    found = []
+    answer = []
     for ends, some in sorted(alike.items()):
         ground = list(footprint(some, -np.inf, np.inf, clearance).geoms)
-        found.append(Block(*ends, ground, [_rings(piece) for piece in ground]))
-    return found
+        answer.append(Block(*ends, ground, [_rings(piece) for piece in ground]))
+    return answer
 
 
 def regions(parts: list[Block], height: tuple[float, float]) -> Regions:
@@ -91,7 +91,7 @@ def regions(parts: list[Block], height: tuple[float, float]) -> Regions:
     piece = [(part, ground, rings) for part in parts
              for ground, rings in zip(part.ground, part.rings, strict=True)]  # fmt: skip
     crowds = list(_crowds([ground for _, ground, _ in piece]))
-    known: dict[tuple[int, ...], list[Array]] = {
+    rings_by_group: dict[tuple[int, ...], list[Array]] = {
         (k,): rings for k, (_, _, rings) in enumerate(piece)
     }
     bands = []
@@ -99,10 +99,10 @@ def regions(parts: list[Block], height: tuple[float, float]) -> Regions:
         middle = (low + high) / 2
         bands.append(list[Array]())
         for crowd in crowds:
-            here = tuple(k for k in crowd if piece[k][0].low < middle < piece[k][0].high)
-            if here and here not in known:
-                known[here] = _rings(shapely.union_all([piece[k][1] for k in here]))
-            bands[-1] += known.get(here, ())
+            group = tuple(k for k in crowd if piece[k][0].low < middle < piece[k][0].high)
+            if group and group not in rings_by_group:
+                rings_by_group[group] = _rings(shapely.union_all([piece[k][1] for k in group]))
+            bands[-1] += rings_by_group.get(group, ())
     return _tables(np.array(level, np.float64), bands)
 
 
@@ -115,8 +115,8 @@ def _crowds(ground: list[shapely.Polygon]) -> Iterator[list[int]]:
     """Yield groups of polygons that touch, directly or through others: the rows of each group."""
     if not ground:
         return
-    one, other = shapely.STRtree(ground).query(ground, predicate="intersects")
-    net: Any = csr_array((np.ones(len(one)), (one, other)), shape=(len(ground),) * 2)
+    first, other = shapely.STRtree(ground).query(ground, predicate="intersects")
+    net: Any = csr_array((np.ones(len(first)), (first, other)), shape=(len(ground),) * 2)
     count, label = connected_components(net, directed=False)
     for crowd in range(count):
         yield np.flatnonzero(label == crowd).tolist()

@@ -75,14 +75,14 @@ class Routes:
         avoided = blocks(world, height, clearance + margin, vertical_clearance + margin)
         self.planned = regions(avoided, height)
         self.kept = regions(blocks(world, height, clearance, vertical_clearance), height)
-        grazed = (max(one - GRAZED, 0.0) for one in (clearance, vertical_clearance))
+        grazed = (max(distance - GRAZED, 0.0) for distance in (clearance, vertical_clearance))
         self.shunned = regions(blocks(world, height, *grazed), height)
         self.solid = narrow.kept if narrow else regions(blocks(world, height, 0.0, 0.0), height)
         self._network = Network(avoided, self.planned, height, fence)
         covered(self.planned, *self._low)  # compiles it before take-off
         way_out(self.planned, self.kept, self._low, self._low, self._high)
 
-    def allow_staying(self, here: Array, goal: Array) -> None:
+    def allow_staying(self, position: Array, goal: Array) -> None:
         """Accept a goal within the clearances from now on if an agent is already there.
 
         An agent gets there without the planner: it starts or lands there, others push it there, or
@@ -90,13 +90,13 @@ class Routes:
         it can hover there, and return if it is pushed away.
 
         Args:
-            here: (3,) position of the agent when it receives the goal, m.
+            position: (3,) position of the agent when it receives the goal, m.
             goal: (3,) m.
         """
-        if not covered(self.kept, *goal) or not sees(self.solid, here, goal):
+        if not covered(self.kept, *goal) or not sees(self.solid, position, goal):
             return
-        on_the_ground = here[2] < self._low[2] and math.dist(here[:2], goal[:2]) <= THERE
-        stays = math.dist(here, goal) <= THERE and covered(self.kept, *here)
+        on_the_ground = position[2] < self._low[2] and math.dist(position[:2], goal[:2]) <= THERE
+        stays = math.dist(position, goal) <= THERE and covered(self.kept, *position)
         if (on_the_ground or stays) and not self._is_held(goal):
             self._held.append(goal.copy())
 
@@ -111,65 +111,69 @@ class Routes:
             return None
         return refusal(self._world, _point(goal), **self._clearances, tolerance=GRAZED)
 
-    def route(self, here: Array, goal: Array) -> Array | str:
+    def route(self, position: Array, goal: Array) -> Array | str:
         """Return the points of a path between two positions, or the reason there is none.
 
         An agent within the clearance of an obstacle is led out, unless it is at its goal or on the
         last segment to it. Positions inside an obstacle can be neither left nor reached.
 
         Args:
-            here: (3,) position of the agent, m.
+            position: (3,) position of the agent, m.
             goal: (3,) goal position, m.
 
         Returns:
-            (K, 3) points after `here` up to and including `goal`, m; or the reason.
+            (K, 3) points after `position` up to and including `goal`, m; or the reason.
         """
-        search = self.search(here, goal, Work(sys.maxsize))
+        search = self.search(position, goal, Work(sys.maxsize))
         while True:
             try:
                 next(search)
             except StopIteration as end:
-                found: Array | str = end.value
-                return found
+                path: Array | str = end.value
+                return path
 
-    def search(self, here: Array, goal: Array, work: Work) -> Generator[None, None, Array | str]:
+    def search(
+        self, position: Array, goal: Array, work: Work
+    ) -> Generator[None, None, Array | str]:
         """As `route`, but yield whenever the work is used up."""
-        if fault := self._fault(here, goal):
+        if fault := self._fault(position, goal):
             return fault
         end = self._free(goal)
-        if self._flies_in(here, goal, end):
+        if self._flies_in(position, goal, end):
             return goal[None]
-        start = self._free(here)
-        for leads, free in ((f"out from {_show(here)}", start), (f"to {_show(goal)}", end)):
+        start = self._free(position)
+        for leads, free in ((f"out from {_show(position)}", start), (f"to {_show(goal)}", end)):
             if not np.isfinite(free).all():
                 return f"no path leads {leads}, too near to obstacles all around"
         way = yield from self._network.path(start, end, work)
         if way is None:
-            return f"no path leads from {_show(here)} to {_show(goal)}"
-        return _joined([here, *way, goal])
+            return f"no path leads from {_show(position)} to {_show(goal)}"
+        return _joined([position, *way, goal])
 
-    def too_high_or_low(self, here: Array, goal: Array) -> Mask:
+    def too_high_or_low(self, position: Array, goal: Array) -> Mask:
         """Return whether goals, (N, 3) m, are outside the flight heights: (N,).
 
         An agent that is at its goal may stay: the core returns it to the flight heights.
         """
         out = (goal[:, 2] < self._low[2] - SAME) | (goal[:, 2] > self._high[2] + SAME)
-        answer: Mask = out & (((goal - here) ** 2).sum(axis=1) > THERE**2)
+        answer: Mask = out & (((goal - position) ** 2).sum(axis=1) > THERE**2)
         return answer
 
-    def _fault(self, here: Array, goal: Array) -> str | None:
+    def _fault(self, position: Array, goal: Array) -> str | None:
         """Return why no path can be searched; None if one can."""
-        if self.too_high_or_low(here[None], goal[None])[0]:
+        if self.too_high_or_low(position[None], goal[None])[0]:
             return f"cannot fly to {_show(goal)}: {self._height_fault(float(goal[2]))}"
         if reason := self.refusal(goal):
             return f"{_show(goal)} {reason}"
-        if covered(self.solid, *here):
-            nearest = min(self._world.obstacles, key=lambda obstacle: obstacle.gaps(_point(here)))
-            return f"{_show(here)} is inside obstacle {nearest.name!r}"
+        if covered(self.solid, *position):
+            nearest = min(
+                self._world.obstacles, key=lambda obstacle: obstacle.gaps(_point(position))
+            )
+            return f"{_show(position)} is inside obstacle {nearest.name!r}"
         return None
 
     def _is_held(self, goal: Array) -> bool:
-        return any(math.dist(held, goal) <= THERE for held in self._held)
+        return any(math.dist(other, goal) <= THERE for other in self._held)
 
     def _is_above_a_start(self, goal: Array) -> bool:
         """Whether agents that take off straight up climb to a goal, or close to it."""
@@ -179,20 +183,20 @@ class Routes:
             for start in self._starts
         )
 
-    def _flies_in(self, here: Array, goal: Array, end: Array) -> bool:
+    def _flies_in(self, position: Array, goal: Array, end: Array) -> bool:
         """Whether an agent flies straight to a goal that paths reach via `end`, (3,) m.
 
         It does if nothing is in between and it is at the goal, or as near to it as `end` is; also
         along an obstacle to which it and the goal are only a little too near.
         """
         near = covered(self.kept, *goal)
-        if not sees(self.solid if near else self.kept, here, goal):
+        if not sees(self.solid if near else self.kept, position, goal):
             return False
-        away, reach = math.dist(here, goal), math.dist(end, goal)
+        away, reach = math.dist(position, goal), math.dist(end, goal)
         if away <= THERE or away <= reach:
             return True
         if near:
-            return covered(self.planned, *here) and sees(self.shunned, here, goal)
+            return covered(self.planned, *position) and sees(self.shunned, position, goal)
         return math.isnan(reach)  # enclosed, where only the margin is missing
 
     def _free(self, point: Array) -> Array:

@@ -86,7 +86,7 @@ class Search(NamedTuple):
         came: (S,) previous state; -1 for none.
         done: (S,) whether that is final.
         key: (Q,) queue: lower bounds of lengths, a heap.
-        who: (Q,) state to continue from.
+        origin: (Q,) state to continue from.
         to: (Q,) point to continue to; -1 for a state that was reached.
         by: (Q,) segment of the graph that leads there; -1 for one that is not examined yet.
         size: (2,) entries in the queue, and the number of entries one step may add.
@@ -99,7 +99,7 @@ class Search(NamedTuple):
     came: Rows
     done: Mask
     key: Array
-    who: Rows
+    origin: Rows
     to: Rows
     by: Rows
     size: Rows
@@ -243,7 +243,7 @@ def _ends(nodes: Nodes, goal: Goal, j: int) -> bool:
 
 
 @subroutine
-def _push(search: Search, key: float, who: int, to: int, by: int) -> None:
+def _push(search: Search, key: float, origin: int, to: int, by: int) -> None:
     k = search.size[0]
     search.size[0] += 1
     while k > 0:
@@ -252,13 +252,13 @@ def _push(search: Search, key: float, who: int, to: int, by: int) -> None:
             break
         _move(search, above, k)
         k = above
-    search.key[k], search.who[k], search.to[k], search.by[k] = key, who, to, by
+    search.key[k], search.origin[k], search.to[k], search.by[k] = key, origin, to, by
 
 
 @subroutine
 def _pop(search: Search) -> tuple[float, int, int, int]:
     """Remove the entry with the smallest bound from the queue."""
-    top = search.key[0], search.who[0], search.to[0], search.by[0]
+    top = search.key[0], search.origin[0], search.to[0], search.by[0]
     search.size[0] -= 1
     last, k = search.size[0], 0
     while True:
@@ -274,6 +274,6 @@ def _pop(search: Search) -> tuple[float, int, int, int]:
 
 
 @subroutine
-def _move(search: Search, one: int, other: int) -> None:
-    search.key[other], search.who[other] = search.key[one], search.who[one]
-    search.to[other], search.by[other] = search.to[one], search.by[one]
+def _move(search: Search, source: int, target: int) -> None:
+    search.key[target], search.origin[target] = search.key[source], search.origin[source]
+    search.to[target], search.by[target] = search.to[source], search.by[source]

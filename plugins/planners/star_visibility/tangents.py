@@ -50,7 +50,7 @@ def corners(parts: Regions, fence: Fence) -> Corners:
     A shortest path among polygons turns only where they are convex (Lozano-Pérez and Wesley, CACM
     22(10), 1979): other corners are omitted. So are those outside the fence, which is convex.
     """
-    found = [(np.empty((0, 2)), np.empty((0, 2)), np.empty((0, 2)), np.empty(0, np.int64))]
+    outlines = [(np.empty((0, 2)), np.empty((0, 2)), np.empty((0, 2)), np.empty(0, np.int64))]
     for part in range(len(parts.first_ring) - 1):
         for ring in range(parts.first_ring[part], parts.first_ring[part + 1]):
             corner = parts.corner[parts.first_corner[ring] : parts.first_corner[ring + 1]]
@@ -58,10 +58,10 @@ def corners(parts: Regions, fence: Fence) -> Corners:
             come, go = corner - before, after - corner
             convex = come[:, 0] * go[:, 1] - come[:, 1] * go[:, 0] > -TOUCH
             convex &= ((corner >= fence.low[:2]) & (corner <= fence.high[:2])).all(axis=1)
-            found.append(
+            outlines.append(
                 (corner[convex], before[convex], after[convex], np.full(convex.sum(), part))
             )
-    return Corners(*map(np.concatenate, zip(*found, strict=True)))
+    return Corners(*map(np.concatenate, zip(*outlines, strict=True)))
 
 
 @compiled
@@ -78,7 +78,7 @@ def graph(parts: Regions, span: Array, corner: Corners) -> Graph:
     """
     n = len(corner.position)
     count = np.zeros(n + 1, np.int64)
-    one, other = [0 for _ in range(0)], [0 for _ in range(0)]
+    begin, end = [0 for _ in range(0)], [0 for _ in range(0)]
     least, greatest = [0.0 for _ in range(0)], [0.0 for _ in range(0)]
     for i in range(n):
         a, block = corner.position[i], corner.block[i]
@@ -93,8 +93,8 @@ def graph(parts: Regions, span: Array, corner: Corners) -> Graph:
                 if low < high:
                     free = openings(parts, span, a, b, (low, high), (block, its))
                     for k in range(len(free)):
-                        one.append(i)
-                        other.append(j)
+                        begin.append(i)
+                        end.append(j)
                         least.append(free[k, 0])
                         greatest.append(free[k, 1])
                         count[i + 1] += 1
@@ -102,9 +102,9 @@ def graph(parts: Regions, span: Array, corner: Corners) -> Graph:
     for i in range(n):
         count[i + 1] += count[i]
     first, slot = count, count.copy()
-    to, heights = np.empty(2 * len(one), np.int64), np.empty((2 * len(one), 2))
-    for k in range(len(one)):
-        for i, j in ((one[k], other[k]), (other[k], one[k])):
+    to, heights = np.empty(2 * len(begin), np.int64), np.empty((2 * len(begin), 2))
+    for k in range(len(begin)):
+        for i, j in ((begin[k], end[k]), (end[k], begin[k])):
             to[slot[i]] = j
             heights[slot[i], 0], heights[slot[i], 1] = least[k], greatest[k]
             slot[i] += 1
@@ -116,6 +116,9 @@ def passes(point: Array, corner: Array, before: Array, after: Array) -> bool:
     """Whether the line from a point through a convex corner leaves its outline on one side."""
     ux, uy = corner[0] - point[0], corner[1] - point[1]
     near = TOUCH * (abs(ux) + abs(uy))
-    one = ux * (before[1] - corner[1]) - uy * (before[0] - corner[0])
-    other = ux * (after[1] - corner[1]) - uy * (after[0] - corner[0])
-    return bool((one >= -near and other >= -near) or (one <= near and other <= near))
+    side_before = ux * (before[1] - corner[1]) - uy * (before[0] - corner[0])
+    side_after = ux * (after[1] - corner[1]) - uy * (after[0] - corner[0])
+    return bool(
+        (side_before >= -near and side_after >= -near)
+        or (side_before <= near and side_after <= near)
+    )

@@ -52,23 +52,23 @@ class TrackedPaths:
         for row in [row for row in self.fault if rows[row]]:
             del self.fault[row]
 
-    def put(self, row: int, here: Array, goal: Array, found: Array | str) -> None:
+    def put(self, row: int, start: Array, goal: Array, result: Array | str) -> None:
         """Store the result of a search for an agent: (K, 3) points, m, or why there is no path."""
-        self.start[row], self.goal[row] = here, goal
+        self.start[row], self.goal[row] = start, goal
         self.leg[row] = self.count[row] = 0
         self.fault.pop(row, None)
-        if isinstance(found, str):
-            self.fault[row] = found
+        if isinstance(result, str):
+            self.fault[row] = result
             return
-        k = len(found)
+        k = len(result)
         while k > self.path.shape[1]:
             self.path = np.concatenate([self.path, np.zeros_like(self.path)], axis=1)
             self.rest = np.concatenate([self.rest, np.zeros_like(self.rest)], axis=1)
             self.pace = np.concatenate([self.pace, np.zeros_like(self.pace)], axis=1)
-        stretch = np.diff(np.vstack([here, found]), axis=0)
+        stretch = np.diff(np.vstack([start, result]), axis=0)
         length = np.sqrt((stretch**2).sum(axis=1))
         self.count[row] = k
-        self.path[row, :k] = found
+        self.path[row, :k] = result
         self.rest[row, :k] = length.sum() - np.cumsum(length)
         self.pace[row, :k] = self._paces(stretch, length)
 
@@ -76,22 +76,22 @@ class TrackedPaths:
         """Move the ends of some paths to `goal` (N, 3), m, which is close to them."""
         self.path[rows, self.count[rows] - 1] = goal[rows]
 
-    def left(self, here: Array) -> tuple[Array, Array]:
+    def left(self, position: Array) -> tuple[Array, Array]:
         """Return (N,) the remaining length of each path, m, and (N,) its speed limit, m/s.
 
         The speed limit is such that the agent, braking as it does at a goal, is slow enough at the
         next corner.
         """
-        every = np.arange(len(here))
+        every = np.arange(len(position))
         corner = self.path[every, self.leg]
-        away = np.sqrt(((corner - here) ** 2).sum(axis=1))
+        away = np.sqrt(((corner - position) ** 2).sum(axis=1))
         pace = self.pace[every, self.leg]
         return away + self.rest[every, self.leg], np.sqrt(pace**2 + 2 * self._acceleration * away)
 
-    def paths(self, here: Array, direct: Mask, goal: Array, on: Mask) -> Paths:
+    def paths(self, position: Array, direct: Mask, goal: Array, on: Mask) -> Paths:
         """Return the remaining paths: straight to the goal if `direct`, the path if `on`."""
         n, m = self.count.shape[0], self.path.shape[1]
-        point = np.concatenate([here[:, None], self.path], axis=1)
+        point = np.concatenate([position[:, None], self.path], axis=1)
         index = np.arange(1, m + 1)
         shown = np.zeros((n, m + 1), np.bool_)
         shown[:, 0] = direct | on
@@ -129,7 +129,7 @@ def steer(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apart quicke
     kept: Regions,
     shunned: Regions,
     solid: Regions,
-    here: Array,
+    position: Array,
     rows: Rows,
     start: Array,
     path: Array,
@@ -153,7 +153,7 @@ def steer(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apart quicke
         kept: Region that lines must not cross.
         shunned: The same for lines that begin inside the first: most of it.
         solid: Obstacles.
-        here: (N, 3) positions of the agents, m.
+        position: (N, 3) positions of the agents, m.
         rows: Rows to process.
         start: (N, 3) positions from which their paths were planned, m.
         path: (N, M, 3) remaining points when the path was planned, m.
@@ -164,10 +164,10 @@ def steer(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apart quicke
     Returns:
         (N, 3) points, m, 0 in other rows; and (N,) True where the next point of the path is hidden.
     """
-    target = np.zeros(here.shape)
-    lost = np.zeros(len(here), np.bool_)
+    target = np.zeros(position.shape)
+    lost = np.zeros(len(position), np.bool_)
     for i in rows:
-        at, last, region = here[i], count[i] - 1, kept
+        at, last, region = position[i], count[i] - 1, kept
         goal = path[i, last]
         if covered(kept, goal[0], goal[1], goal[2]) and _enters(
             solid, start[i], path[i], leg[i], last, at

@@ -91,12 +91,12 @@ class FieldOfView(NamedTuple):
 
     def eroded(self) -> FieldOfView:
         """Return the cells with all eight neighbours in view; all cells if there are none."""
-        there = {(round(x / self.cell), round(y / self.cell)) for x, y in self.points}
+        cells = {(round(x / self.cell), round(y / self.cell)) for x, y in self.points}
         inner = tuple(
             (x, y)
             for x, y in self.points
             if all(
-                (round(x / self.cell) + i, round(y / self.cell) + j) in there
+                (round(x / self.cell) + i, round(y / self.cell) + j) in cells
                 for i in (-1, 0, 1)
                 for j in (-1, 0, 1)
             )
@@ -140,26 +140,26 @@ def field_of_view(camera: Camera, height: float, size: float, cell: float) -> Fi
     return FieldOfView(position, tuple(map(tuple, cells[model.sees(ahead, border)].tolist())), cell)
 
 
-def swath(seen: FieldOfView, speed: float, rate: float) -> float:
+def swath(view: FieldOfView, speed: float, rate: float) -> float:
     """Return the width of the strip in which an agent that flies ahead sees every tag, m.
 
     A tag in the strip stays in view for `MIN_IMAGES` images and one more; the strip is centered on
     the agent's path. It is 0 if there is no such strip.
 
     Args:
-        seen: Field of view.
+        view: Field of view.
         speed: Speed of the agent, m/s.
         rate: Rate of the camera, images a second.
     """
     depth: dict[int, int] = {}
-    for _, y in seen.points:
-        row = round(y / seen.cell)
+    for _, y in view.points:
+        row = round(y / view.cell)
         depth[row] = depth.get(row, 0) + 1
     enough = (MIN_IMAGES + 1) * speed / rate
     half = 0
-    while all(depth.get(row, 0) * seen.cell >= enough for row in (half, -half)):
+    while all(depth.get(row, 0) * view.cell >= enough for row in (half, -half)):
         half += 1
-    return max(0, 2 * half - 1) * seen.cell
+    return max(0, 2 * half - 1) * view.cell
 
 
 def smallest_target(scene: Scene) -> float:

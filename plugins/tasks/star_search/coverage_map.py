@@ -64,7 +64,9 @@ class CoverageMap:
         )
         self.center: Array = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
         self.outside = len(self.center)
-        standing = [one for one in obstacles if one.height[0] <= 0 < one.height[1]]
+        standing = [
+            obstacle for obstacle in obstacles if obstacle.height[0] <= 0 < obstacle.height[1]
+        ]
         self.required = self._covered(
             area.difference(footprint(standing, 0.0, FLOOR_HEIGHT, clearance))
         )
@@ -112,9 +114,9 @@ class CoverageMap:
 
     def _visible(self, position: tuple[float, float, float], points: Array, pose: Array) -> Rows:
         rotation = np.exp(1j * pose[:, 2])[:, None]  # (V, 1)
-        here = (pose[:, 0] + 1j * pose[:, 1])[:, None]
-        at = here + rotation * (points[:, 0] + 1j * points[:, 1])  # (V, M)
-        camera = here + rotation * complex(position[0], position[1])
+        origin = (pose[:, 0] + 1j * pose[:, 1])[:, None]
+        at = origin + rotation * (points[:, 0] + 1j * points[:, 1])  # (V, M)
+        camera = origin + rotation * complex(position[0], position[1])
         cells = self._number(at)
         away = at - camera
         distance = np.abs(away)

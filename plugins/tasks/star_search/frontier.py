@@ -62,10 +62,10 @@ class Frontier:
 
     def __init__(self, space: SearchSpace) -> None:
         self._space = space
-        alike = {one: Viewpoints(space, one) for one in dict.fromkeys(space.safe_views.values())}
-        self._viewpoints = {row: alike[one] for row, one in space.safe_views.items()}
-        tried = {one: np.zeros(len(points.pose), np.bool_) for one, points in alike.items()}
-        self._tried = {row: tried[one] for row, one in space.safe_views.items()}
+        alike = {view: Viewpoints(space, view) for view in dict.fromkeys(space.safe_views.values())}
+        self._viewpoints = {row: alike[view] for row, view in space.safe_views.items()}
+        tried = {view: np.zeros(len(points.pose), np.bool_) for view, points in alike.items()}
+        self._tried = {row: tried[view] for row, view in space.safe_views.items()}
         self._trips: dict[int, Trip] = {}
         self._tries = np.zeros(space.coverage.outside + 1, np.int64)
         self._dwell = {
@@ -86,7 +86,7 @@ class Frontier:
             far = max(far, float(way[np.isfinite(way)].max(initial=0.0)))
         coverage.required &= can
         ground = float(coverage.unseen.sum()) * coverage.cell**2 / len(rows)
-        each = min(len(one.points) * one.cell**2 for one in self._space.views.values())
+        each = min(len(view.points) * view.cell**2 for view in self._space.views.values())
         return (
             far + ground / self._space.lane_spacing
         ) / self._space.speed + ground / each * VIEW_TIME
@@ -233,10 +233,10 @@ def _lattice(space: SearchSpace) -> tuple[Array, csr_array]:
     for di, dj in product((0, 1), (-1, 0, 1)):
         if (di, dj) in {(0, 0), (0, -1)}:
             continue
-        there = free[i + di, j + dj]
-        begins.append(number[i, j][there])
-        ends.append(number[i + di, j + dj][there])
-        lengths.append(np.full(there.sum(), step * math.hypot(di, dj)))
+        passable = free[i + di, j + dj]
+        begins.append(number[i, j][passable])
+        ends.append(number[i + di, j + dj][passable])
+        lengths.append(np.full(passable.sum(), step * math.hypot(di, dj)))
     links = csr_array(
         (np.concatenate(lengths), (np.concatenate(begins), np.concatenate(ends))),
         shape=(len(i), len(i)),

@@ -73,7 +73,9 @@ def parallel_lanes(
         spans = list(_spans(room, west, east, y))
         grown: list[tuple[float, float, list[Lane]]] = []
         for a, b in spans:
-            below = [one for one in open_groups if one[0] < b and a < one[1]]
+            below = [
+                open_group for open_group in open_groups if open_group[0] < b and a < open_group[1]
+            ]
             alone = len(below) == 1 and sum(
                 below[0][0] < d and c < below[0][1] for c, d in spans
             ) == 1  # fmt: skip
@@ -97,19 +99,19 @@ def tour(groups: Sequence[Sequence[Lane]], start: Array) -> list[Lane]:
         start: (2,) where the tour begins, m.
     """
     remaining = [list(group) for group in groups if group]
-    here, flown = start, []
+    position, flown = start, []
     while remaining:
         ways = ((i, way) for i, group in enumerate(remaining) for way in _ways(group))
-        best, way = min(ways, key=lambda one: math.dist(here, one[1][0].start))
+        best, way = min(ways, key=lambda candidate: math.dist(position, candidate[1][0].start))
         flown += way
-        here = way[-1].end
+        position = way[-1].end
         del remaining[best]
     return flown
 
 
 def length(lanes: Sequence[Lane]) -> float:
     """Return the length of the lanes and of the straight ways between them, m."""
-    between = sum(math.dist(one.end, other.start) for one, other in pairwise(lanes))
+    between = sum(math.dist(lane.end, following.start) for lane, following in pairwise(lanes))
     return between + sum(lane.length for lane in lanes)
 
 
@@ -156,12 +158,15 @@ def assign_sections(sections: Sequence[list[Lane]], position: Array) -> list[lis
             ends = np.array([section[0].start, section[-1].end])
             ways[:, j] = np.hypot(*(position[:, None] - ends).transpose(2, 0, 1)).min(axis=1)
     assigned = linear_sum_assignment(ways)[1].tolist()
-    return [from_nearer_end(sections[j], here) for here, j in zip(position, assigned, strict=True)]
+    return [
+        from_nearer_end(sections[j], agent_position)
+        for agent_position, j in zip(position, assigned, strict=True)
+    ]
 
 
-def from_nearer_end(lanes: Sequence[Lane], here: Array) -> list[Lane]:
+def from_nearer_end(lanes: Sequence[Lane], position: Array) -> list[Lane]:
     """Return lanes, in the opposite order and direction if their end is nearer than their start."""
-    if lanes and math.dist(lanes[-1].end, here) < math.dist(lanes[0].start, here):
+    if lanes and math.dist(lanes[-1].end, position) < math.dist(lanes[0].start, position):
         return [lane.reversed() for lane in reversed(lanes)]
     return list(lanes)
 
@@ -170,9 +175,9 @@ def angles(area: Polygon) -> list[float]:
     """Return the directions of an area's sides, each once, rad; of the longest side first."""
     ring = shapely.get_coordinates(area.exterior)
     away = np.diff(ring, axis=0)
-    found = np.arctan2(away[:, 1], away[:, 0]) % math.pi
+    direction = np.arctan2(away[:, 1], away[:, 0]) % math.pi
     order = np.argsort(-np.hypot(*away.T), kind="stable")
-    return list(dict.fromkeys(np.round(found[order], 6).tolist()))
+    return list(dict.fromkeys(np.round(direction[order], 6).tolist()))
 
 
 def _ways(group: list[Lane]) -> Iterator[list[Lane]]:

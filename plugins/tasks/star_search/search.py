@@ -94,7 +94,7 @@ class Search:
         covered = self._space.coverage.fraction
         if self._visits.pending(self._rows):
             return Status.RUNNING, ""
-        enough = self._wanted != 0 and self._visits.found(self._wanted)
+        enough = self._wanted != 0 and self._visits.has_found(self._wanted)
         if enough or covered >= self._coverage:
             return Status.SUCCESS, ""
         if searching or (not free and self._able(health)):

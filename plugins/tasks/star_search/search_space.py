@@ -70,17 +70,18 @@ class SearchSpace:
         self.area = Polygon(area_corners(scene, area))
         cell = max(CELL_SIZE, math.sqrt(self.area.area / MAX_CELLS))
         size = smallest_target(scene)
-        cameras = {row: one.camera for row, one in enumerate(scene.agents) if one.camera}
+        cameras = {row: agent.camera for row, agent in enumerate(scene.agents) if agent.camera}
         self.views = {
-            row: field_of_view(one, height, size, cell / 2) for row, one in cameras.items()
+            row: field_of_view(camera, height, size, cell / 2) for row, camera in cameras.items()
         }
         self.safe_views = {
-            row: field_of_view(one, height, size, cell).eroded() for row, one in cameras.items()
+            row: field_of_view(camera, height, size, cell).eroded()
+            for row, camera in cameras.items()
         }
         narrowest = min(width for _, width in swaths(scene, rows, height, self.speed))
         self.lane_spacing = lane_spacing or SWATH_FACTOR * narrowest
         self.regions = _free_regions(scene, height, clearance)
-        reach = max(one.reach for one in self.views.values())
+        reach = max(view.reach for view in self.views.values())
         low, high = scene.world.fence.low, scene.world.fence.high
         floor = shapely.box(*low[:2], *high[:2]).buffer(-size / 2, join_style="mitre")
         self.coverage = CoverageMap(
@@ -117,19 +118,19 @@ class SearchSpace:
         return int(np.argmin(shapely.distance(self.regions, Point(position[:2]))))
 
     def nearest_free(
-        self, target: Array, here: Array, taken: Sequence[Array], spacing: float
+        self, target: Array, agent_position: Array, taken: Sequence[Array], spacing: float
     ) -> Array:
         """Return the position nearest to a target where an agent may be, (2,), m.
 
         Args:
             target: (2,) m.
-            here: (3,) position of the agent, m; it stays in that region.
+            agent_position: (3,) position of the agent, m; it stays in that region.
             taken: (2,) positions taken by other agents, m.
             spacing: Least distance from those, m.
         """
-        region = self.region_of(here)
+        region = self.region_of(agent_position)
         if region < 0:
-            return here[:2].copy()
+            return agent_position[:2].copy()
         others = [Point(position).buffer(spacing) for position in taken]
         free = self.regions[region].difference(shapely.union_all(others))
         if free.is_empty:

@@ -58,14 +58,14 @@ def make(
         raise PluginError(message, code="missing-camera")
     space = SearchSpace(scene, scouts, **options)
     visits = TargetVisits(space, on_found=on_found, mark_duration=mark_duration)
-    wanted = len(visits.names) if targets is None else targets
-    found = registry.find(PATTERN, pattern)
-    with PluginGuard(f"search pattern {pattern!r} ({found.source})"):
-        made = found.offer.make(space)
+    number = len(visits.names) if targets is None else targets
+    entry = registry.find(PATTERN, pattern)
+    with PluginGuard(f"search pattern {pattern!r} ({entry.source})"):
+        made = entry.offer.make(space)
         if not isinstance(made, Pattern):
             expected = "expected begin(estimate, rows) and waypoints(estimate, rows)"
             raise ContractError(f"made {type(made).__name__}, {expected}")
-    return Search(space, made, visits, targets=wanted, coverage=coverage)
+    return Search(space, made, visits, targets=number, coverage=coverage)
 
 
 def spec(registry: Registry) -> TaskSpec:
@@ -256,24 +256,24 @@ def _separate_targets(
     import shapely
 
     outline = shapely.Polygon(area_corners(scene, area))
-    found: dict[str, tuple[float, float]] = {}
+    positions: dict[str, tuple[float, float]] = {}
     for tag in scene.world.targets:
         x, y, _ = tag.position
-        wanted = targets is None or isinstance(targets, int) or tag.of in targets
-        apart = all(math.dist(other, (x, y)) > width for other in found.values())
-        if wanted and tag.of not in found and apart and shapely.contains_xy(outline, x, y):
-            found[tag.of] = (x, y)
-    return min(len(found), targets) if isinstance(targets, int) else len(found)
+        relevant = targets is None or isinstance(targets, int) or tag.of in targets
+        apart = all(math.dist(other, (x, y)) > width for other in positions.values())
+        if relevant and tag.of not in positions and apart and shapely.contains_xy(outline, x, y):
+            positions[tag.of] = (x, y)
+    return min(len(positions), targets) if isinstance(targets, int) else len(positions)
 
 
 def _target_problems(scene: Scene, targets: int | Sequence[str] | None) -> Iterator[Problem]:
-    known = list(dict.fromkeys(tag.of for tag in scene.world.targets))
+    names = list(dict.fromkeys(tag.of for tag in scene.world.targets))
     if isinstance(targets, int):
-        if targets > len(known):
-            message = f"{targets!r} is more than the {len(known)} targets of the world"
+        if targets > len(names):
+            message = f"{targets!r} is more than the {len(names)} targets of the world"
             yield Problem(("targets",), message, "out-of-range")
         return
     for i, name in enumerate(targets or ()):
-        if name not in known:
-            message = f"no target named {name!r}{suggestion(name, known, 'there are')}"
+        if name not in names:
+            message = f"no target named {name!r}{suggestion(name, names, 'there are')}"
             yield Problem(("targets", i), message, "unknown-target")

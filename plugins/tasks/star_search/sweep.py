@@ -89,7 +89,7 @@ class Sweep:
     def waypoints(self, estimate: Estimate, rows: tuple[int, ...]) -> Mapping[int, Waypoint]:
         for gone in self._legs.keys() - set(rows):
             self._share[gone].insert(0, self._legs.pop(gone).lane)
-        found = {}
+        waypoints = {}
         for row in rows:
             waypoint = self._on_lane(row, estimate, rows)
             if waypoint is None:
@@ -98,10 +98,10 @@ class Sweep:
             else:
                 self._missed.drop(row)
             if waypoint is not None:
-                found[row] = waypoint
+                waypoints[row] = waypoint
         for gone in set(self._space.views) - set(rows):
             self._missed.drop(gone)
-        return found
+        return waypoints
 
     def _tour(self, region: int, start: Array) -> list[Lane]:
         """The shortest tour over one region."""
@@ -174,7 +174,7 @@ class Sweep:
 
     def _taken_over(self, row: int, estimate: Estimate, rows: tuple[int, ...]) -> list[Lane]:
         """Lanes for a scout that has none: of one that left, or half of the largest share."""
-        region, here = self._space.region_of(estimate.position[row]), estimate.position[row, :2]
+        region, position = self._space.region_of(estimate.position[row]), estimate.position[row, :2]
         same = {
             other: share
             for other, share in self._share.items()
@@ -182,14 +182,14 @@ class Sweep:
         }
         absent = [other for other in same if other not in rows]
         if absent:
-            nearest = min(absent, key=lambda other: math.dist(same[other][0].start, here))
-            return from_nearer_end(self._share.pop(nearest), here)
+            nearest = min(absent, key=lambda other: math.dist(same[other][0].start, position))
+            return from_nearer_end(self._share.pop(nearest), position)
         largest = max(same, key=lambda other: length(same[other]), default=None)
         if largest is None:
             return []
         half = len(same[largest]) // 2 if len(same[largest]) > 1 else 0
         mine, self._share[largest] = same[largest][half:], same[largest][:half]
-        return from_nearer_end(mine, here)
+        return from_nearer_end(mine, position)
 
     def _leg(self, lane: Lane, estimate: Estimate, row: int) -> Leg | None:
         """Return a lane without ends that show nothing new; None if all of it shows nothing new."""

@@ -94,11 +94,11 @@ class TargetVisits:
             visit.deadline, visit.arrival = None, None
             self._visits[new] = visit
 
-    def found(self, wanted: int | list[str]) -> bool:
+    def has_found(self, targets: int | list[str]) -> bool:
         """Whether so many targets, or these, are found."""
-        if isinstance(wanted, int):
-            return int(self._known.sum()) >= wanted
-        return all(self._known[self.names.index(name)] for name in wanted)
+        if isinstance(targets, int):
+            return int(self._known.sum()) >= targets
+        return all(self._known[self.names.index(name)] for name in targets)
 
     def visitors(self, rows: tuple[int, ...]) -> tuple[int, ...]:
         """Return which of these agents visit a target, or stay at one for good."""
@@ -136,11 +136,11 @@ class TargetVisits:
                 del self._visits[row]
         return waypoints, commands
 
-    def _visit(self, target: int, here: Array) -> Visit:
+    def _visit(self, target: int, agent_position: Array) -> Visit:
         """Return a visit to the estimated position of a target, or the nearest free one."""
         weight = self._weight[target]
-        estimated = self._sum[target] / weight if weight > 0 else here[:2]
-        position = self._space.nearest_free(estimated, here, self._taken, STAY_SPACING)
+        estimated = self._sum[target] / weight if weight > 0 else agent_position[:2]
+        position = self._space.nearest_free(estimated, agent_position, self._taken, STAY_SPACING)
         if self._on_found != "mark":
             self._taken.append(position)
         return Visit(position)

@@ -141,8 +141,8 @@ def reproject(
     """
     body = (view.points - pose.position) @ pose.rotation
     delay, spin = view.delay[:, None], skew(motion.rates)
-    seen = body + delay * (body @ spin - motion.velocity)
-    camera = (seen - mounting.position) @ mounting.rotation
+    exposed = body + delay * (body @ spin - motion.velocity)
+    camera = (exposed - mounting.position) @ mounting.rotation
     rays, by_camera = perspective(np.maximum(camera, _IN_FRONT))
     by_body = by_camera @ mounting.rotation.T
     by_body -= delay[:, :, None] * (by_body @ spin)

@@ -48,28 +48,28 @@ class Detector:
         Raises:
             ValueError: It is no gray image of the camera's size.
         """
-        found: list[tuple[int, Array, float]] = []
+        tags: list[tuple[int, Array, float]] = []
         for level, smaller in enumerate(pyramid(checked(image, self._lens))):
-            found += self._found(smaller, 2.0**level, [corners for _, corners, _ in found])
+            tags += self._found(smaller, 2.0**level, [corners for _, corners, _ in tags])
         return Found(
-            np.array([tag for tag, *_ in found], np.int64),
-            np.array([corners for _, corners, _ in found]).reshape(-1, 4, 2),
-            np.array([misfit for *_, misfit in found], np.float64),
+            np.array([tag for tag, *_ in tags], np.int64),
+            np.array([corners for _, corners, _ in tags]).reshape(-1, 4, 2),
+            np.array([misfit for *_, misfit in tags], np.float64),
         )
 
     def _found(
-        self, image: Image, scale: float, known: list[Array]
+        self, image: Image, scale: float, earlier: list[Array]
     ) -> Iterator[tuple[int, Array, float]]:
         """Yield number, corners and misfit of the tags in an image with pixels `scale` as large.
 
         Args:
             image: Of the pyramid.
             scale: Pixels of the camera per pixel of the image, along each side.
-            known: (4, 2) corners of tags that were found before, px of the camera.
+            earlier: (4, 2) corners of tags that were found before, px of the camera.
         """
         quads = dark_quads(image)
         quads = quads[bordered(module_grid(image, quads))]
-        new = [quad for quad in quads if not any(_same((quad + 0.5) * scale, k) for k in known)]
+        new = [quad for quad in quads if not any(_same((quad + 0.5) * scale, k) for k in earlier)]
         if not new:
             return
         corners, misfit = refine(image, np.array(new), self._lens, scale)
@@ -133,20 +133,20 @@ def refine(
         (K, 4, 2) px of the lens, and the (K,) root mean square distances of the edges' points from
         their lines, likewise; NaN for a tag without clear sides.
     """
-    found, clear = corners, np.ones(len(corners), np.bool_)
+    estimate, clear = corners, np.ones(len(corners), np.bool_)
     spread = np.zeros(len(corners))
     for reach in REACHES:
-        points, weight = _edge(image, found, reach)
+        points, weight = _edge(image, estimate, reach)
         clear = clear & (np.count_nonzero(weight, axis=2) >= POINTS // 2).all(axis=1)
         lines, square = _lines(lens.undistort((points + 0.5) * scale - 0.5), weight)
         meet = _intersection(lines[:, PREVIOUS], lines)
         clear = clear & (np.abs(meet[..., 2]) > MIN_ANGLE).all(axis=1)
         meet[~clear] = 1.0
-        there = (lens.project(meet) + 0.5) / scale - 0.5
-        clear = clear & (np.abs(there - corners).max(axis=(1, 2)) < MAX_SHIFT)
-        found = np.where(clear[:, None, None], there, corners)
+        corners_now = (lens.project(meet) + 0.5) / scale - 0.5
+        clear = clear & (np.abs(corners_now - corners).max(axis=(1, 2)) < MAX_SHIFT)
+        estimate = np.where(clear[:, None, None], corners_now, corners)
         spread = square.mean(axis=1) * lens.matrix[0, 0] * lens.matrix[1, 1]
-    return (found + 0.5) * scale - 0.5, np.where(clear, np.sqrt(np.maximum(spread, 0.0)), np.nan)
+    return (estimate + 0.5) * scale - 0.5, np.where(clear, np.sqrt(np.maximum(spread, 0.0)), np.nan)
 
 
 def _edge(image: Image, corners: Array, reach: float) -> tuple[Array, Array]:
@@ -196,9 +196,9 @@ def _lines(points: Array, weight: Array) -> tuple[Array, Array]:
     return lines, (xx + yy) / 2 - np.hypot(half, xy)
 
 
-def _intersection(one: Array, other: Array) -> Array:
+def _intersection(line: Array, other: Array) -> Array:
     """Return the intersections of (..., 3) lines, homogeneous, (..., 3)."""
-    a, b, c = one[..., 0], one[..., 1], one[..., 2]
+    a, b, c = line[..., 0], line[..., 1], line[..., 2]
     d, e, f = other[..., 0], other[..., 1], other[..., 2]
     return np.stack([b * f - c * e, c * d - a * f, a * e - b * d], axis=-1)
 

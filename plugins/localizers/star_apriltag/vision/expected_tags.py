@@ -65,13 +65,15 @@ class ExpectedTags:
         ahead = away @ camera.rotation
         distance = np.sqrt((away * away).sum(axis=1))
         facing = -(away * self._normals).sum(axis=1) >= MIN_SLANT * distance
-        there = (distance <= self._reach) & facing & (ahead[:, 2] > MIN_DEPTH)
-        rows = np.flatnonzero(there & ~np.isin(self._numbers, list(exclude)))
+        in_view = (distance <= self._reach) & facing & (ahead[:, 2] > MIN_DEPTH)
+        rows = np.flatnonzero(in_view & ~np.isin(self._numbers, list(exclude)))
         pixels = self._lens.project(ahead[rows])
         inside = ((pixels >= 0) & (pixels < self._lens.shape[::-1])).all(axis=1)
         nearest = sorted(np.flatnonzero(inside).tolist(), key=lambda k: distance[rows[k]])
-        seen = [self._seen(self._tags[rows[k]], pixels[k], prediction) for k in nearest[:MAX_TAGS]]
-        return [expected for expected in seen if expected is not None]
+        candidates = [
+            self._seen(self._tags[rows[k]], pixels[k], prediction) for k in nearest[:MAX_TAGS]
+        ]
+        return [expected for expected in candidates if expected is not None]
 
     def _seen(self, tag: MapTag, pixel: Array, prediction: Prediction) -> ExpectedTag | None:
         """Return a tag as it should be seen, with a row of about that of (2,) `pixel`."""

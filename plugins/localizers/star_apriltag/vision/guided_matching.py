@@ -145,9 +145,9 @@ def _peak(correlation: Picture) -> tuple[float, float] | None:
     return column + _vertex(*across.tolist()), row + _vertex(*down.tolist())
 
 
-def _vertex(before: float, here: float, after: float) -> float:
+def _vertex(before: float, middle: float, after: float) -> float:
     """Return a parabola's vertex, from -0.5 to 0.5 if no value is above the middle one."""
-    bend = before - 2 * here + after
+    bend = before - 2 * middle + after
     return 0.5 * (before - after) / bend if bend < 0 else 0.0
 
 
@@ -158,9 +158,9 @@ def _readable(patch: Picture, drawn: Template) -> bool:
         return False
     if np.count_nonzero(code) < MIN_CODE_PIXELS:
         return False
-    seen, known = (gray[code] - gray[code].mean() for gray in (patch, drawn.gray))
-    both = math.sqrt(float(seen @ seen) * float(known @ known))
-    return float(seen @ known) >= MIN_CODE_CORRELATION * both > 0
+    image, reference = (gray[code] - gray[code].mean() for gray in (patch, drawn.gray))
+    both = math.sqrt(float(image @ image) * float(reference @ reference))
+    return float(image @ reference) >= MIN_CODE_CORRELATION * both > 0
 
 
 def _covered(share: Picture) -> Mask:
@@ -213,12 +213,12 @@ def template(number: int, size: float, tag: Pose, lens: CameraModel, region: Reg
     cells = cv2.perspectiveTransform(fine, to_cells @ np.linalg.inv(plane))
     cells[np.isnan(fine)] = -1.0
     columns, rows = cv2.split(cells)
-    seen = cv2.remap(
+    image = cv2.remap(
         _print(number), columns, rows, cv2.INTER_NEAREST, borderMode=cv2.BORDER_CONSTANT
     )
-    seen = cv2.resize(seen, (right - left, bottom - top), interpolation=cv2.INTER_AREA)
-    seen = cv2.GaussianBlur(seen, (0, 0), BLUR_STD)
-    light, paper, code = (np.asarray(seen[..., i], np.float32) for i in range(3))
+    image = cv2.resize(image, (right - left, bottom - top), interpolation=cv2.INTER_AREA)
+    image = cv2.GaussianBlur(image, (0, 0), BLUR_STD)
+    light, paper, code = (np.asarray(image[..., i], np.float32) for i in range(3))
     light /= np.maximum(paper, _MIN_PAPER)
     return Template(light, paper, code)
 

@@ -38,7 +38,7 @@ class ImageAnalysis:
 
     def with_verdict(self, verdict: Verdict) -> tuple[SeenLandmark, ...]:
         """Return the landmarks with a verdict."""
-        return tuple(seen for seen in self.landmarks if seen.verdict is verdict)
+        return tuple(landmark for landmark in self.landmarks if landmark.verdict is verdict)
 
     @property
     def accepted(self) -> tuple[SeenLandmark, ...]:
@@ -48,7 +48,9 @@ class ImageAnalysis:
     @property
     def views(self) -> tuple[tuple[int, View], ...]:
         """All accepted measurements, with the numbers of their tags."""
-        detected = tuple((seen.tag, seen.view) for seen in self.accepted if seen.view is not None)
+        detected = tuple(
+            (landmark.tag, landmark.view) for landmark in self.accepted if landmark.view is not None
+        )
         return detected + tuple((match.tag, match.view) for match in self.matches)
 
 
@@ -87,12 +89,12 @@ class ImageAnalyzer:
         Raises:
             ValueError: It is no gray image of the camera's size.
         """
-        found = self._detector.detect(image)
-        analysis = self.evaluate(found.tag, found.corners, prediction)
+        detections = self._detector.detect(image)
+        analysis = self.evaluate(detections.tag, detections.corners, prediction)
         if analysis.with_verdict(Verdict.ELSEWHERE) and not analysis.accepted:
             return analysis  # all tags contradict the prediction, which cannot guide then
-        expected = self._expected.expect(prediction, exclude=found.tag.tolist())
-        searched = (match_tag(image, one, self.lens) for one in expected)
+        expected = self._expected.expect(prediction, exclude=detections.tag.tolist())
+        searched = (match_tag(image, tag, self.lens) for tag in expected)
         matches = tuple(match for match in searched if match is not None)
         matched = tuple((match.tag, match.corners, "") for match in matches)
         return replace(analysis, matches=matches, detected=analysis.detected + matched)
@@ -104,13 +106,15 @@ class ImageAnalyzer:
         rays = self.lens.undistort(corners)
         rejected = ["neither a landmark nor a target"] * len(tags)
         rows: list[int] = []  # of the landmarks
-        for i, (tag, pixels, seen) in enumerate(zip(tags.tolist(), corners, rays, strict=True)):
+        for i, (tag, pixels, tag_rays) in enumerate(zip(tags.tolist(), corners, rays, strict=True)):
             if tag in self._map:
                 rows.append(i)
-                landmarks.append(seen_landmark(self._map[tag], pixels, seen, self.lens, prediction))
+                landmarks.append(
+                    seen_landmark(self._map[tag], pixels, tag_rays, self.lens, prediction)
+                )
             elif tag in self._sizes:
                 size = self._sizes[tag]
-                target = seen_target(tag, size, pixels, seen, self.lens, prediction)
+                target = seen_target(tag, size, pixels, tag_rays, self.lens, prediction)
                 targets.extend([] if target is None else [target])
                 rejected[i] = str(Verdict.UNSOLVED) if target is None else ""
         elsewhere = [s for s in landmarks if s.verdict is Verdict.ELSEWHERE]

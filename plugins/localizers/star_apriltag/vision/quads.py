@@ -57,7 +57,7 @@ def dark_quads(image: Image) -> Array:
     large = (longer >= MODULES * MIN_MODULE) & (area >= MIN_FILL * longer)
     large &= shorter >= MODULES * MIN_NARROW_MODULE
     large[0] = False  # all that is not dark
-    found = []
+    outlines = []
     for label in np.flatnonzero(large).tolist():
         left, top, across, down, _ = boxes[label].tolist()
         region = cv2.inRange(labels[top : top + down, left : left + across], label, label)
@@ -66,8 +66,8 @@ def dark_quads(image: Image) -> Array:
         )
         quad = cv2.approxPolyDP(contour, max(MAX_DEVIATION * len(contour), 1.0), closed=True)
         if len(quad) == 4 and cv2.isContourConvex(quad):  # noqa: PLR2004 -- sides of a square
-            found.append(quad[::-1] if cv2.contourArea(quad, oriented=True) > 0 else quad)
-    quads = np.reshape(np.array(found, np.float64), (-1, 4, 2))
+            outlines.append(quad[::-1] if cv2.contourArea(quad, oriented=True) > 0 else quad)
+    quads = np.reshape(np.array(outlines, np.float64), (-1, 4, 2))
     last = np.array(image.shape[::-1]) - 1 - IMAGE_BORDER
     inside: Array = quads[((quads >= IMAGE_BORDER) & (quads <= last)).all(axis=(1, 2))]
     return inside

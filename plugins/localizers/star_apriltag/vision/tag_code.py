@@ -52,7 +52,7 @@ def module_grid(image: Image, quads: Array) -> Floats:
         return np.zeros((0, CELLS, CELLS), np.float32)
     corners = np.ascontiguousarray(quads, np.float32)
     maps = [cv2.getPerspectiveTransform(_SQUARE, quad) for quad in corners]
-    points = np.concatenate([cv2.perspectiveTransform(_MIDDLES, one) for one in maps])
+    points = np.concatenate([cv2.perspectiveTransform(_MIDDLES, transform) for transform in maps])
     u, v = cv2.split(points)
     gray = cv2.remap(image, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     return np.asarray(gray, np.float32).reshape(-1, CELLS, CELLS)
@@ -75,10 +75,10 @@ def read_codes(grid: Floats) -> Codes:
     paper, ink = (flat[:, ring.ravel()] @ _fit(name) for name, ring in _RINGS.items())
     bright = (flat - ink) / np.maximum(paper - ink, 1.0) * 2 - 1
     bright = bright.reshape(grid.shape)
-    here = bright[:, 2:-2, 2:-2]
+    center = bright[:, 2:-2, 2:-2]
     around = bright[:, 1:-3, 2:-2] + bright[:, 3:-1, 2:-2]
     around = around + bright[:, 2:-2, 1:-3] + bright[:, 2:-2, 3:-1]
-    sharp = here + np.float32(SHARPENING) * (4 * here - around)
+    sharp = center + np.float32(SHARPENING) * (4 * center - around)
     modules = np.clip(sharp, -MAX_MODULE, MAX_MODULE).reshape(-1, (MODULES - 2) ** 2)
     modules = modules - modules.mean(axis=1, keepdims=True)
     spread = np.linalg.norm(modules, axis=1, keepdims=True)

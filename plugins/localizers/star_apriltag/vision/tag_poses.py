@@ -122,10 +122,10 @@ def seen_landmark(
 
 
 def joint_fix(
-    seen: Sequence[SeenLandmark], lens: CameraModel, prediction: Prediction
+    landmarks: Sequence[SeenLandmark], lens: CameraModel, prediction: Prediction
 ) -> Fix | None:
     """Return the body's pose from several tags of one image, or None if there is none."""
-    solved = [(s.fix, s.view) for s in seen if s.fix is not None and s.view is not None]
+    solved = [(s.fix, s.view) for s in landmarks if s.fix is not None and s.view is not None]
     if len(solved) <= 1:
         return solved[0][0] if solved else None
     best = min((fix for fix, _ in solved), key=lambda fix: float(np.trace(fix.covariance)))
@@ -146,7 +146,9 @@ def seen_target(
         return None
     camera = prediction.camera(lens.mounting)
     up = prediction.pose.rotation[2] @ camera.rotation
-    best, _ = min(square.solutions, key=lambda one: upright_misfit(one[0], one[1], up))
+    best, _ = min(
+        square.solutions, key=lambda solution: upright_misfit(solution[0], solution[1], up)
+    )
     view = View(square_corners(size), rays, square.deviation, lens.row_delay(pixels))
     fix = refine((camera @ best).inverse(), [view], camera, motion=prediction.motion)
     if fix is None:
@@ -158,13 +160,13 @@ def seen_target(
 
 def solve(rays: Array, size: float, lens: CameraModel) -> Square | None:
     """Return the possible poses of a square in the camera, by its (4, 2) rays and its edge, m."""
-    found = square_poses(rays, size)
-    if not found:
+    solutions = square_poses(rays, size)
+    if not solutions:
         return None
-    distance = float(np.linalg.norm(found[0][0].position))
+    distance = float(np.linalg.norm(solutions[0][0].position))
     spread = corner_std(distance, size) / float(lens.magnification(rays.mean(axis=0)))
     return Square(
-        tuple((pose, rays.size * (misfit / spread) ** 2) for pose, misfit in found),
+        tuple((pose, rays.size * (misfit / spread) ** 2) for pose, misfit in solutions),
         distance,
         spread,
     )
