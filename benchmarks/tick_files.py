@@ -82,10 +82,15 @@ def _source(frame: FrameType) -> str:
 
 
 def _called_by_plugin(frame: FrameType) -> bool:
-    """Whether a function is called by a plugin, or while a module is imported."""
+    """Whether a function is called by a plugin, or while a module is imported.
+
+    The format of the mission counts as the core: it makes the check.
+    """
     above = frame.f_back
     while above is not None:
-        if _source(above).startswith("plugins/") or "importlib" in above.f_code.co_filename:
+        source = _source(above)
+        plugin = source.startswith("plugins/") and not source.startswith("plugins/formats/")
+        if plugin or "importlib" in above.f_code.co_filename:
             return True
         above = above.f_back
     return False

@@ -135,7 +135,6 @@ def _help(offer: Any, arguments: list[str]) -> str:
 def _api_pages() -> Iterator[tuple[str, str]]:
     """Yield the pages of all public names, by `GROUPS` and `PACKAGES`, and of whole modules."""
     pages: dict[str, list[str]] = {page: [] for page in GROUPS}
-    pages["contracts"] += ["star_core.plugin_support.specs.MissionSpec"]
     of = {prefix: page for page, (_, prefixes) in GROUPS.items() for prefix in prefixes}
     for name in _public_names("star_core"):
         pages[of[name.split(".")[1]]].append(name)

@@ -22,8 +22,11 @@ PARTS: Final = ("transport", "localizer", "planner", "avoider")
 SHARED: Final = ("agents", "until", "timeout", "on_failure")
 """Options of every verb beside its own; the core handles them."""
 
-JOIN, LEAVE = "join", "leave"
-"""Verbs before which, and after which, the core changes the agents of the mission."""
+JOIN: Final = "join"
+"""Verb before which the core adds agents to the mission."""
+
+LEAVE: Final = "leave"
+"""Verb after which the core removes agents from the mission."""
 
 RESERVED: Final = {"task": SHARED}
 """Names that options of a kind must not have; of the other kinds it is ``use``."""

@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from star_core import InputError, Problem, Registry, deferred, hookimpl
-from star_core.formats import PARTS, FileKindSpec, FormatSpec, SourceFile
+from star_core.commands import PARTS
+from star_core.formats import FileKindSpec, FormatSpec, SourceFile
 
 if TYPE_CHECKING:
     from star_core import Agent, World

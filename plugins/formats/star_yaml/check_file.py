@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from star_core import InputError, Problem, Registry
-from star_core.formats import Document, FileKindSpec, guarded
+from star_core.commands import guarded
+from star_core.formats import Document, FileKindSpec
 from star_yaml import schema
 from star_yaml.includes import check_alone
 from star_yaml.input_file import kind_of, lacking, override, read

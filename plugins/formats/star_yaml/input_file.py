@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from star_core import InputError, Registry
-from star_core.formats import PARTS, Document, Mark, Value, printable, shown
+from star_core.commands import PARTS
+from star_core.formats import Document, Mark, Value, printable, shown
 from star_core.toolkit import suggestion
 from star_yaml.yaml_reader import parse, read_yaml
 

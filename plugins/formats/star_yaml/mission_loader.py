@@ -23,7 +23,8 @@ from star_core import (
     Scene,
     World,
 )
-from star_core.formats import PARTS, Document, PluginChoice, inside
+from star_core.commands import PARTS
+from star_core.formats import Document, PluginChoice, inside
 from star_core.toolkit import PluginGuard, fill_defaults
 from star_yaml import schema, world_loader
 from star_yaml.checks.references import of_mission

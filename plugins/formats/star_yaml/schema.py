@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any, Final
 from urllib.parse import quote, unquote
 
 from star_core import InputError, Problem, Registry
-from star_core.formats import PARTS, SHARED, Document, Location, MissionSpec, references
+from star_core.commands import PARTS, SHARED
+from star_core.formats import Document, Location, MissionSpec, references
 from star_yaml.input_file import read, require_kind
 
 if TYPE_CHECKING:

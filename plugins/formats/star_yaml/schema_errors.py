@@ -10,7 +10,8 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-from star_core.formats import PARTS, Location
+from star_core.commands import PARTS
+from star_core.formats import Location
 from star_core.toolkit import suggestion
 from star_yaml.error_messages import (
     CODES,

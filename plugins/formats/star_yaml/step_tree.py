@@ -13,19 +13,9 @@ from itertools import pairwise
 from typing import Any, TypeAlias
 
 from star_core import PluginError, Problem, Registry, Scene
-from star_core.formats import (
-    JOIN,
-    MAX_LISTED,
-    SHARED,
-    Action,
-    Document,
-    Location,
-    Node,
-    Parallel,
-    Repeat,
-    Source,
-)
-from star_core.toolkit import fill_defaults, suggestion
+from star_core.commands import SHARED, Source
+from star_core.formats import JOIN, MAX_LISTED, Document, Location
+from star_core.toolkit import Action, Node, Parallel, Repeat, fill_defaults, suggestion
 from star_yaml import conditions
 from star_yaml.schema import UNKNOWN, Incomplete, Refused
 

@@ -9,21 +9,9 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, Final, Literal, TypeAlias
 
 from star_core import Problem, Registry, Scene
-from star_core.formats import (
-    JOIN,
-    LEAVE,
-    MAX_LISTED,
-    PARTS,
-    Action,
-    Document,
-    Location,
-    Node,
-    Parallel,
-    Repeat,
-    camera_faults,
-    nodes,
-)
-from star_core.toolkit import actions, suggestion
+from star_core.commands import PARTS
+from star_core.formats import JOIN, LEAVE, MAX_LISTED, Document, Location, camera_faults, nodes
+from star_core.toolkit import Action, Node, Parallel, Repeat, actions, suggestion
 from star_yaml import conditions
 from star_yaml.checks import feasibility
 from star_yaml.checks.plugin_checks import PluginChecks
