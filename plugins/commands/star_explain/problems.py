@@ -11,6 +11,7 @@ from star_explain.drift import drift_problems
 from star_explain.goals import goal_problems
 from star_explain.jam import jam_problems
 from star_explain.origins import Origins
+from star_explain.parked import parked_problems
 from star_explain.results import results, steps_of
 
 
@@ -43,6 +44,7 @@ def problems(
             yield Problem(path, surface, "over-obstacle", warning=True)
         yield from goal_problems(step, mission, registry)
     yield from crowd_problems(mission, rehearsal, origins)
+    yield from parked_problems(mission, registry, rehearsal)
     if drifts:
         yield from drift_problems(mission, registry, rehearsal)
     if margins:

@@ -1,0 +1,48 @@
+"""Agents that hover in the way of others, for avoiders that may not lead around them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from star_core import Registry
+from star_core.formats import check_file
+
+WORLD = "star: 1\nname: hall\nfence: {low: [-9, -9, 0], high: [9, 9, 2.2]}\n"
+MISSION = """\
+star: 1
+name: passing
+world: hall.yaml
+swarm:
+  cf1: {start: [0, 0, 0]}
+  cf2: {start: [1.5, 0, 0]}
+transport: {use: sim, profile: ideal, controller: ideal, noise: false}
+localizer: flow
+planner: straight
+avoider: voronoi
+mission:
+  - takeoff: {height: 0.8}
+  - goto: {agents: cf1, to: [3, 0, 0.8]}
+  - land: {}
+"""
+
+
+@pytest.mark.parametrize(
+    ("change", "is_warned"),
+    [
+        ("avoider=voronoi", True),
+        ("avoider=potential", True),
+        ("avoider=orca", False),
+        ("avoider=none", False),
+        ("swarm.cf2.start=[1.5, 0.6, 0]", False),
+        ("mission.1.goto.agents=cf2", False),
+    ],
+)
+def test_a_hovering_agent_in_the_way_is_warned_of(
+    tmp_path: Path, change: str, *, is_warned: bool
+) -> None:
+    (tmp_path / "hall.yaml").write_text(WORLD)
+    (tmp_path / "passing.yaml").write_text(MISSION)
+    found = check_file(tmp_path / "passing.yaml", Registry(), [change])[1]
+    assert ["[agent-in-the-way]" in text for text in found] == [True] * is_warned
