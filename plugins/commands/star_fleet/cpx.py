@@ -123,7 +123,7 @@ class Decoder:
 
 
 def _packet(frame: bytes) -> Packet | None:
-    """Return what a frame without its length holds; None if that means nothing."""
+    """Return the content of a frame without its length; None if it is invalid."""
     routing, function = frame[:ROUTING]
     try:
         return Packet(
@@ -275,7 +275,7 @@ class TcpPort:
                 with suppress(OSError):  # gone again
                     client, _address = self._listener.accept()
                     with client:
-                        await self._serve_one(client)
+                        await self._serve_client(client)
         finally:
             self._ended.set()
 
@@ -288,7 +288,7 @@ class TcpPort:
         finally:
             self._loop.remove_reader(self._listener)
 
-    async def _serve_one(self, client: socket.socket) -> None:
+    async def _serve_client(self, client: socket.socket) -> None:
         client.setblocking(False)  # noqa: FBT003
         client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         client.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)

@@ -33,7 +33,7 @@ class Craft:
 
     @property
     def state(self) -> tuple[Array, Array]:
-        """What the estimator believes: (4,) x, y, z, m, and yaw, rad; (4,) its rate of change."""
+        """State of the estimator: (4,) x, y, z, m, and yaw, rad; (4,) its rate of change."""
         drone = self._drone
         pose = np.append(drone["believed_position"], drone["believed_yaw"])
         return pose, np.append(drone["believed_velocity"], 0.0)
@@ -71,14 +71,14 @@ class Craft:
         self._drone["locked"] = 1
 
     def restart(self) -> None:
-        """Stop the motors and forget the flight, as a reboot does."""
+        """Stop the motors and reset the flight, as a reboot does."""
         self.stop()
         self._drone["locked"] = self._drone["crashed"] = self._drone["finished"] = 0
         self._drone["motors_time"] = -math.inf
         self.begin_estimate(0.0, 0.0, 0.0)
 
     def recover(self) -> None:
-        """Forget the crash."""
+        """Reset the crash."""
         self._drone["crashed"] = 0
 
     def follow(self, piece: Piece, began: float, *, lands: bool) -> None:
@@ -86,7 +86,7 @@ class Craft:
         enter(self._drone, piece, began, lands=lands)
 
     def demand(self, demand: Demand) -> None:
-        """Do what a setpoint asks for."""
+        """Execute a setpoint."""
         drone = self._drone
         if demand.stops:
             drone["mode"] = OFF
@@ -134,7 +134,7 @@ class Craft:
     def begin_estimate(self, x: float, y: float, yaw: float) -> None:
         """Start the estimator anew: it is at `x` and `y`, m, with heading `yaw`, rad.
 
-        The odometry frame is moved to where that is true. The ranger knows the height at once.
+        The odometry frame is moved to where that is true. The ranger measures the height at once.
         """
         drone = self._drone
         drone["origin_yaw"] = turn = float(drone["seen_yaw"]) - yaw

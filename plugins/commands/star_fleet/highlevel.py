@@ -40,7 +40,7 @@ TAKEOFF_SPEED, LANDING_SPEED = "hlCommander.vtoff", "hlCommander.vland"  # m/s, 
 class Stage(Enum):
     """What a plan is doing."""
 
-    IDLE = "idle"  # it wants the motors off
+    IDLE = "idle"  # the motors are to be off
     FLYING = "flying"
     LANDING = "landing"
 
@@ -106,7 +106,7 @@ class HighLevel:
         return None if self.stage(now) is Stage.IDLE else self._pieces
 
     def stop(self) -> None:
-        """Want the motors off."""
+        """Command the motors off."""
         self._stage = Stage.IDLE
 
     def obey(self, payload: bytes, now: float, *, blocked: bool) -> bytes:
@@ -235,10 +235,10 @@ class HighLevel:
         if not _lasts(sum(piece.duration for piece in pieces)):
             return errno.ENOEXEC
         if relative:
-            pieces = self._moved_here(pieces, now, turned=bool(turned))
+            pieces = self._from_reference(pieces, now, turned=bool(turned))
         return self._plan(Stage.FLYING, pieces, now)
 
-    def _moved_here(self, pieces: list[Piece], now: float, *, turned: bool) -> list[Piece]:
+    def _from_reference(self, pieces: list[Piece], now: float, *, turned: bool) -> list[Piece]:
         """Return pieces that start at the reference, turned about their start to its heading."""
         reference, first = self._reference(now)[0], pieces[0].coefficients[:, 0]
         turn = wrap_angle(reference[3] - first[3]) if turned else 0.0

@@ -29,7 +29,7 @@ STICK: Final = 30.0  # degrees per m/s in ``flightmode.poshold``
 
 @dataclass(frozen=True, slots=True)
 class Demand:
-    """What a setpoint asks for. Where x and y are FREE it is a tilt.
+    """Demand of a setpoint. Where x and y are FREE it is a tilt.
 
     Attributes:
         axes: FREE, SPEED or PLACE along x, y and z.
@@ -57,7 +57,7 @@ class Demand:
 
     @property
     def stops(self) -> bool:
-        """Whether it asks for no thrust at all."""
+        """Whether it demands no thrust at all."""
         return self.axes[2] == FREE and self.lift <= 0
 
     def levelled(self) -> Demand:
@@ -76,7 +76,7 @@ STOP: Final = Demand()
 
 
 def decode(payload: bytes) -> Demand | None:
-    """Return what a packet of the port SETPOINT asks for; None if it cannot be flown."""
+    """Return the demand of a packet of the port SETPOINT; None if it cannot be flown."""
     kind = payload[0] if payload else -1
     reader = _READERS.get(kind)
     return None if reader is None else reader(payload, kind)
@@ -93,7 +93,7 @@ class Sticks:
         self._locked = True
 
     def decode(self, payload: bytes, mode: Mapping[str, float]) -> Demand | None:
-        """Return what a packet asks for; None if it cannot be flown.
+        """Return the demand of a packet; None if it cannot be flown.
 
         Args:
             payload: Roll, pitch and yaw rate in degrees, thrust.

@@ -103,7 +103,7 @@ class Supervisor:
         self._watchdog_reset = now
 
     def arm(self, *, armed: bool) -> bool:
-        """Arm or disarm, and return whether it is as wanted."""
+        """Arm or disarm; return False if it cannot be armed."""
         if armed and not self.armed and self.state is not State.FIT:
             return False
         self.armed = armed

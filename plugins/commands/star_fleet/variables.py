@@ -46,7 +46,7 @@ _DEGREES: Final = math.degrees(1.0)
 
 
 class Readings:
-    """The values of all vehicles at one time, computed when one is asked for.
+    """The values of all vehicles at one time, computed on first use.
 
     Args:
         simulator: Simulator of the fleet.
@@ -235,8 +235,8 @@ def _range(readings: Readings) -> Any:
     return np.where(upright > 0, np.minimum(distance, MAX_RANGE), MAX_RANGE)
 
 
-def _wanted_tilt(axis: int, _scale: float = 1.0) -> Callable[[Readings], Any]:
-    """Roll, or pitch (nose up positive), that the position loop asks for, degrees."""
+def _commanded_tilt(axis: int, _scale: float = 1.0) -> Callable[[Readings], Any]:
+    """Roll, or pitch (nose up positive), that the position loop commands, degrees."""
 
     def read(readings: Readings) -> Any:
         drones = readings.drones
@@ -252,9 +252,9 @@ def _wanted_tilt(axis: int, _scale: float = 1.0) -> Callable[[Readings], Any]:
     return read
 
 
-def _wanted_rate(axis: int, _scale: float = 1.0) -> Callable[[Readings], Any]:
+def _commanded_rate(axis: int, _scale: float = 1.0) -> Callable[[Readings], Any]:
     """Degrees per second, of the same."""
-    tilt = _wanted_tilt(axis)
+    tilt = _commanded_tilt(axis)
     actual = _of("believed_roll") if axis == 0 else _of("believed_pitch", scale=-1.0)
     return lambda readings: np.where(
         readings.drones["mode"] == OFF,
@@ -318,8 +318,8 @@ VARIABLES: Final = (
     *_each("posCtl", "targetVX targetVY targetVZ", FLOAT, _on, "reference_velocity"),
     Variable("controller.cmd_thrust", FLOAT, _thrust),
     Variable("controller.actuatorThrust", FLOAT, _thrust),
-    *_each("controller", "roll pitch", FLOAT, _wanted_tilt),
-    *_each("controller", "rollRate pitchRate", FLOAT, _wanted_rate),
+    *_each("controller", "roll pitch", FLOAT, _commanded_tilt),
+    *_each("controller", "rollRate pitchRate", FLOAT, _commanded_rate),
     Variable("controller.yaw", FLOAT, _on("reference_yaw", scale=_DEGREES)),
     Variable("controller.yawRate", FLOAT, _on("yaw_rate", scale=_DEGREES)),
 )

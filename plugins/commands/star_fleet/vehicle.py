@@ -24,7 +24,7 @@ from star_fleet.variables import Readings
 PROTOCOL: Final = 12
 FIRMWARE: Final = b"STAR simulation"
 DEVICE: Final = b"Crazyflie 2.1"
-MAGIC: Final = b"Bitcraze Crazyflie"  # by which clients know that a version can be asked for
+MAGIC: Final = b"Bitcraze Crazyflie"  # by which clients detect that a version can be requested
 
 ECHO, SOURCE = 0, 1  # channels of the link
 SET, META = 0, 1  # channels of the setpoints

@@ -40,7 +40,7 @@ class ImportOptions:
         fence: None fits it around everything.
         edge: Edge of tags, m.
         corners: Whether positions of tags are those of their corners.
-        placed: Positions of targets that have none, m.
+        target_positions: Positions of targets that have none, m.
         speed: Flight speed, m/s.
         timescale: Factor by which trajectories are stretched.
         as_executed: Whether to reproduce what the original did where that differs from the intent.
@@ -51,7 +51,7 @@ class ImportOptions:
     fence: Room | None
     edge: float
     corners: bool
-    placed: Mapping[int, tuple[float, float]]
+    target_positions: Mapping[int, tuple[float, float]]
     speed: float | None
     timescale: float
     as_executed: bool
@@ -65,7 +65,7 @@ def assemble(sources: Sources, options: ImportOptions, log: ImportLog) -> Output
     """
     swarm = _swarm(sources, options, log)
     built = walls(sources.environment[1], log) if sources.environment else []
-    reading = Reading(options.edge, options.corners, options.placed)
+    reading = Reading(options.edge, options.corners, options.target_positions)
     printed = sheets(sources.environment[1], reading, log) if sources.environment else []
     commands: list[Record] = []
     if sources.mission:

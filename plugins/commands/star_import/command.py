@@ -28,7 +28,7 @@ def run(flags: argparse.Namespace, registry: Registry) -> int:
         fence=_fence(flags.fence),
         edge=flags.tag_size,
         corners=_corners(flags),
-        placed=_placed(flags.target),
+        target_positions=_target_positions(flags.target),
         speed=flags.speed,
         timescale=flags.timescale,
         as_executed=flags.as_executed,
@@ -124,7 +124,7 @@ def _fence(numbers: Sequence[float] | None) -> Room | None:
     return Room((ax, ay, az), (bx, by, bz))
 
 
-def _placed(texts: Sequence[str]) -> dict[int, tuple[float, float]]:
+def _target_positions(texts: Sequence[str]) -> dict[int, tuple[float, float]]:
     positions = {}
     for text in texts:
         number, _, position = text.partition("=")

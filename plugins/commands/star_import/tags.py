@@ -59,12 +59,12 @@ class Reading:
         corners: Whether positions are those of the tags' corners, half an edge from their centers
             along x and y, as in the original's flights; otherwise of the centers, as in its
             simulation and its drawings.
-        placed: Positions of targets that have none in the file, by their number, m.
+        target_positions: Positions of targets that have none in the file, by their number, m.
     """
 
     edge: float
     corners: bool
-    placed: Mapping[int, Corner]
+    target_positions: Mapping[int, Corner]
 
 
 def sheets(file: Value, reading: Reading, log: ImportLog) -> list[Sheet]:
@@ -102,14 +102,14 @@ def _sheet(name: str, spec: Value, tags: Value, reading: Reading, log: ImportLog
     location = spec.need("location")
     where = location.numbers()
     if len(where) == 1 and kind == "targets":
-        if numbers[0] not in reading.placed or len(numbers) > 1:
+        if numbers[0] not in reading.target_positions or len(numbers) > 1:
             log.add(
                 location.place,
                 f"{name} has no position and is ignored; to add it to the world: "
                 f"--target {numbers[0]}=X,Y",
             )
             return None
-        x, y = reading.placed[numbers[0]]
+        x, y = reading.target_positions[numbers[0]]
         return Sheet(kind, numbers, ((x, y),), reading.edge, spec.place)
     if len(where) < 2:  # noqa: PLR2004 -- x and y
         raise location.wrong(f"{name} has {len(where)} numbers, expected x and y, m")

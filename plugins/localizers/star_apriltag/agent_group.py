@@ -32,10 +32,10 @@ class TickInput(NamedTuple):
 
     def of(self, rows: Sequence[int]) -> TickInput:
         """Return the reports of the agents in `rows`."""
-        mine = np.isin(self.odometry.agent, rows)
+        in_group = np.isin(self.odometry.agent, rows)
         names = Odometry.__dataclass_fields__
         return self._replace(
-            odometry=Odometry(**{name: getattr(self.odometry, name)[mine] for name in names}),
+            odometry=Odometry(**{name: getattr(self.odometry, name)[in_group] for name in names}),
             images=tuple(image for image in self.images if image.row in rows),
         )
 

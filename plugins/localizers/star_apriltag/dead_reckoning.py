@@ -52,7 +52,7 @@ YAW_BIAS_STD: Final = math.radians(0.25)  # rad/s
 YAW_BIAS_PER_TIME: Final = math.radians(0.025)  # rad/s/√s
 YAW_PER_TIME: Final = math.radians(0.05)  # rad/√s
 POSITION_PER_TIME: Final = 0.005  # m/√s
-SEEN_PER_TIME: Final = 0.010  # m/√s, in addition while the camera measures motion by the floor
+FLOOR_MOTION_NOISE: Final = 0.010  # m/√s, in addition while the camera measures motion by the floor
 SLIP_RATE, SLIP_TIME = 0.056, 0.35  # 1/s, standard deviation per height, and s
 """A Kalman filter that smooths flow samples over `SLIP_TIME` has such an error with the firmware's
 2 counts of noise (``flowStdFixed``): 0.41 m/s per metre of height in each sample of 10 ms."""
@@ -211,7 +211,7 @@ def _noise(motion: Motion, heading: complex, kept: Array) -> Array:
     noise[Y, [SLIP_X, SLIP_Y]] = noise[[SLIP_X, SLIP_Y], Y] = end.imag, end.real
     variance, shared, left = _integrated(FLOOR_STD, FLOOR_LENGTH, motion.blind_length)
     along = heading * motion.shift / motion.length if motion.length > 0 else 0j
-    noise[[X, Y], [X, Y]] += SEEN_PER_TIME**2 * (motion.duration - motion.blind_duration)
+    noise[[X, Y], [X, Y]] += FLOOR_MOTION_NOISE**2 * (motion.duration - motion.blind_duration)
     ahead = np.array([along.real, along.imag])
     noise[:FLOOR, :FLOOR][:2, :2] += variance * np.outer(ahead, ahead)
     noise[FLOOR, :2] = noise[:2, FLOOR] = shared * ahead

@@ -171,10 +171,10 @@ class FloorOdometry:
     ) -> tuple[Points, Points]:
         """Return points relative to the body: as predicted by odometry, and as seen."""
         coarse = self._floor(self._coarse_rays, self._coarse, sample, min_dip=WARPED_DIP)
-        whence = self._source(last.sample, coarse, motion).T.reshape(2, *self._shape)
+        coarse_source = self._source(last.sample, coarse, motion).T.reshape(2, *self._shape)
         columns, rows = (
             cv2.remap(channel, *self._between, cv2.INTER_LINEAR)
-            for channel in whence.astype(np.float32)
+            for channel in coarse_source.astype(np.float32)
         )
         drawn = cv2.remap(last.image, columns, rows, cv2.INTER_LINEAR)
         floor = self._floor(self._rays, self._pixels, sample)
@@ -209,11 +209,11 @@ class FloorOdometry:
             motion: From then to now.
         """
         rotation, position = self._camera(sample)
-        then = floor * cmath.rect(1.0, motion.turn) + motion.shift
+        floor_then = floor * cmath.rect(1.0, motion.turn) + motion.shift
         velocity = complex(sample.velocity[0], sample.velocity[1])
         delay = np.zeros(len(floor))
         for _ in range(2):  # first as of the middle row, then as of its own
-            point = (then - delay * velocity) * np.exp(-1j * sample.yaw_rate * delay)
+            point = (floor_then - delay * velocity) * np.exp(-1j * sample.yaw_rate * delay)
             ahead = np.column_stack([point.real, point.imag, np.zeros(len(floor))]) - position
             ahead = np.nan_to_num(ahead @ rotation, nan=-1.0)
             in_front = ahead[:, 2:] > MIN_DEPTH

@@ -67,41 +67,43 @@ class Clearances:
             )
             self.routes.append(wider)
         n = len(scene.agents)
-        self._wanted: Rows = np.zeros(n, np.int64)  # levels
+        self._target_level: Rows = np.zeros(n, np.int64)  # levels
         self._needed_at = np.full(n, -np.inf)  # s
-        self._tried = np.zeros(n, np.int64)  # wanted when the present path was searched
-        self._flown = np.zeros(n, np.int64)
-        self._found_at = np.zeros(n)  # s
+        self._searched_level = np.zeros(n, np.int64)  # target when the present path was searched
+        self._flown_level = np.zeros(n, np.int64)
+        self._search_time = np.zeros(n)  # s
 
     def choose(self, estimate: Estimate) -> None:
-        """Choose the level that each agent wants, by the covariance of its position."""
+        """Choose the level that each agent needs, by the covariance of its position."""
         if len(self.routes) == 1:
             return
         margin = position_margin(estimate.covariance, self._deviations, self._clearance)
         share = margin / self._step
-        rises = share > self._wanted + RISE
-        self._needed_at[share >= self._wanted - FALL] = estimate.time
+        rises = share > self._target_level + RISE
+        self._needed_at[share >= self._target_level - FALL] = estimate.time
         falls = estimate.time - self._needed_at > HOLD_TIME
         level = np.clip(np.ceil(share - RISE), 0, LEVELS).astype(np.int64)
-        self._wanted = np.where(rises | falls, level, self._wanted)
+        self._target_level = np.where(rises | falls, level, self._target_level)
 
-    def wanted_by(self, rows: Mask) -> Iterator[tuple[Routes, Mask]]:
-        """Yield routes and which of some rows, (N,), want their clearance."""
-        yield from self._split(self._wanted, rows)
+    def by_target_level(self, rows: Mask) -> Iterator[tuple[Routes, Mask]]:
+        """Yield routes and which of some rows, (N,), need their clearance."""
+        yield from self._split(self._target_level, rows)
 
-    def flown_by(self, rows: Mask) -> Iterator[tuple[Routes, Mask]]:
+    def by_flown_level(self, rows: Mask) -> Iterator[tuple[Routes, Mask]]:
         """Yield routes and which of some rows, (N,), have a path with their clearance."""
-        yield from self._split(self._flown, rows)
+        yield from self._split(self._flown_level, rows)
 
     def outdated(self, time: float) -> Mask:
-        """Return which paths have another clearance than agents want at a time, s: (N,)."""
-        retried = (self._flown != self._wanted) & (time - self._found_at > RETRY_TIME)
-        outdated: Mask = (self._tried != self._wanted) | retried
+        """Return which paths have another clearance than agents need at a time, s: (N,)."""
+        missed = self._flown_level != self._target_level
+        retried = missed & (time - self._search_time > RETRY_TIME)
+        outdated: Mask = (self._searched_level != self._target_level) | retried
         return outdated
 
     def fly(self, row: int, level: int, time: float) -> None:
         """Note the level of an agent's new path."""
-        self._flown[row], self._tried[row], self._found_at[row] = level, self._wanted[row], time
+        self._flown_level[row], self._search_time[row] = level, time
+        self._searched_level[row] = self._target_level[row]
 
     def search(
         self, row: int, position: Array, goal: Array, work: Work
@@ -114,12 +116,12 @@ class Clearances:
             goal: (3,) m.
             work: Budget; yields whenever it is used up.
         """
-        widest_level = int(self._wanted[row])
+        target_level = int(self._target_level[row])
         shortest = yield from self.routes[0].search(position, goal, work)
         if isinstance(shortest, str):
             return shortest, 0
         limit = MAX_DETOUR * _length(position, shortest) + EXTRA_DETOUR
-        for level in range(widest_level, 0, -1):
+        for level in range(target_level, 0, -1):
             way = yield from self.routes[level].search(position, goal, work)
             if not isinstance(way, str) and _length(position, way) <= limit:
                 return way, level

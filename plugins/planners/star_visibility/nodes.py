@@ -31,9 +31,9 @@ def nodes(
     of, free = columns(parts, span, position, *height)
     come = free.copy()
     at_corner = block[of] >= 0
-    its = span[block[of[at_corner]]] if at_corner.any() else np.empty((0, 2))
-    come[at_corner, 0] = np.maximum(come[at_corner, 0], its[:, 0])
-    come[at_corner, 1] = np.minimum(come[at_corner, 1], its[:, 1])
+    block_span = span[block[of[at_corner]]] if at_corner.any() else np.empty((0, 2))
+    come[at_corner, 0] = np.maximum(come[at_corner, 0], block_span[:, 0])
+    come[at_corner, 1] = np.minimum(come[at_corner, 1], block_span[:, 1])
     use = come[:, 1] - come[:, 0] > LEAST
     of, free, come = of[use], free[use], come[use]
     return Nodes(position, np.searchsorted(of, np.arange(len(position) + 1)), free, come, of)

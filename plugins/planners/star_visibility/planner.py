@@ -13,7 +13,7 @@ from star_core.toolkit import PositionController
 from star_visibility.clearances import Clearances, WidePath
 from star_visibility.line_of_sight import all_see
 from star_visibility.network import Work
-from star_visibility.routes import THERE
+from star_visibility.routes import ARRIVAL_DISTANCE
 from star_visibility.tracked_paths import TrackedPaths, steer
 
 TURNING = 0.5  # share of the acceleration limit for turns and braking, as `PositionController`
@@ -131,7 +131,7 @@ class Visibility:
     def _allow_staying(self, position: Array, aim: Array, rows: Mask) -> None:
         """Accept new goals of agents that are already there, within the clearances."""
         away = np.sqrt(((aim - position)[:, :2] ** 2).sum(axis=1))
-        for row in np.flatnonzero(rows & (away <= THERE)).tolist():
+        for row in np.flatnonzero(rows & (away <= ARRIVAL_DISTANCE)).tolist():
             self._routes.allow_staying(position[row], aim[row])
 
     def _doubtful(self, aim: Array, rows: Mask) -> Mask:
@@ -148,7 +148,7 @@ class Visibility:
         Paths are planned with the margin; an agent that already flies straight may use it up.
         """
         answer = np.zeros(len(active), np.bool_)
-        for routes, rows in self._clearances.wanted_by(active):
+        for routes, rows in self._clearances.by_target_level(active):
             sees = all_see(routes.planned, position, aim, np.flatnonzero(rows))
             rest = np.flatnonzero(rows & ~sees & self._direct)
             answer |= sees | all_see(routes.kept, position, aim, rest)
@@ -157,7 +157,7 @@ class Visibility:
     def _steer(self, position: Array, rows: Mask) -> tuple[Array, Mask]:
         tracked = self._tracked
         target, lost = np.zeros(position.shape), np.zeros(len(position), np.bool_)
-        for routes, some in self._clearances.flown_by(rows):
+        for routes, some in self._clearances.by_flown_level(rows):
             points, hidden = steer(
                 routes.planned,
                 routes.kept,

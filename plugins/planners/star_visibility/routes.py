@@ -16,7 +16,8 @@ from star_visibility.refusals import refusal
 from star_visibility.regions import blocks, regions
 
 SAME = 1e-9  # m; points nearer than this are equal
-THERE = 0.1  # m; an agent nearer than this to its goal, or horizontally to its start, is there
+# m; an agent nearer than this to its goal, or horizontally to its start, has arrived
+ARRIVAL_DISTANCE = 0.1
 GRAZED = 0.02  # m: intrusion into the clearance at which an agent is led out
 
 
@@ -64,7 +65,9 @@ class Routes:
         self._starts = [agent.start for agent in scene.agents]
         self.clearance = clearance
         self._clearances = {"clearance": clearance, "vertical_clearance": vertical_clearance}
-        self._held: list[Array] = []  # (3,) goals within the clearances at which agents were, m
+        self._stay_goals: list[
+            Array
+        ] = []  # (3,) goals within the clearances at which agents were, m
         self._narrow = narrow
         fence = world.fence if narrow is None else shrunk(world.fence, clearance - narrow.clearance)
         low, high = scene.limits.height
@@ -95,10 +98,12 @@ class Routes:
         """
         if not covered(self.kept, *goal) or not sees(self.solid, position, goal):
             return
-        on_the_ground = position[2] < self._low[2] and math.dist(position[:2], goal[:2]) <= THERE
-        stays = math.dist(position, goal) <= THERE and covered(self.kept, *position)
-        if (on_the_ground or stays) and not self._is_held(goal):
-            self._held.append(goal.copy())
+        on_the_ground = (
+            position[2] < self._low[2] and math.dist(position[:2], goal[:2]) <= ARRIVAL_DISTANCE
+        )
+        stays = math.dist(position, goal) <= ARRIVAL_DISTANCE and covered(self.kept, *position)
+        if (on_the_ground or stays) and not self._is_stay_goal(goal):
+            self._stay_goals.append(goal.copy())
 
     def refusal(self, goal: Array) -> str | None:
         """Return why a goal, (3,) m, is refused, as in `refusal`; None if it is accepted."""
@@ -106,7 +111,7 @@ class Routes:
             return self._narrow.refusal(goal)
         if not covered(self.kept, *goal):
             return None
-        granted = self._is_held(goal) or self._is_above_a_start(goal)
+        granted = self._is_stay_goal(goal) or self._is_above_a_start(goal)
         if granted and not covered(self.solid, *goal):
             return None
         return refusal(self._world, _point(goal), **self._clearances, tolerance=GRAZED)
@@ -156,7 +161,7 @@ class Routes:
         An agent that is at its goal may stay: the core returns it to the flight heights.
         """
         out = (goal[:, 2] < self._low[2] - SAME) | (goal[:, 2] > self._high[2] + SAME)
-        answer: Mask = out & (((goal - position) ** 2).sum(axis=1) > THERE**2)
+        answer: Mask = out & (((goal - position) ** 2).sum(axis=1) > ARRIVAL_DISTANCE**2)
         return answer
 
     def _fault(self, position: Array, goal: Array) -> str | None:
@@ -172,13 +177,13 @@ class Routes:
             return f"{_show(position)} is inside obstacle {nearest.name!r}"
         return None
 
-    def _is_held(self, goal: Array) -> bool:
-        return any(math.dist(other, goal) <= THERE for other in self._held)
+    def _is_stay_goal(self, goal: Array) -> bool:
+        return any(math.dist(other, goal) <= ARRIVAL_DISTANCE for other in self._stay_goals)
 
     def _is_above_a_start(self, goal: Array) -> bool:
         """Whether agents that take off straight up climb to a goal, or close to it."""
         return any(
-            math.dist(start[:2], goal[:2]) <= THERE
+            math.dist(start[:2], goal[:2]) <= ARRIVAL_DISTANCE
             and self._world.overhead(start, float(goal[2])) is None
             for start in self._starts
         )
@@ -193,7 +198,7 @@ class Routes:
         if not sees(self.solid if near else self.kept, position, goal):
             return False
         away, reach = math.dist(position, goal), math.dist(end, goal)
-        if away <= THERE or away <= reach:
+        if away <= ARRIVAL_DISTANCE or away <= reach:
             return True
         if near:
             return covered(self.planned, *position) and sees(self.shunned, position, goal)

@@ -83,15 +83,18 @@ def graph(parts: Regions, span: Array, corner: Corners) -> Graph:
     for i in range(n):
         a, block = corner.position[i], corner.block[i]
         for j in range(i):
-            b, its = corner.position[j], corner.block[j]
+            b, other_block = corner.position[j], corner.block[j]
             if (
                 passes(b, a, corner.before[i], corner.after[i])
                 and passes(a, b, corner.before[j], corner.after[j])
                 and math.hypot(a[0] - b[0], a[1] - b[1]) > TOUCH
             ):
-                low, high = max(span[block, 0], span[its, 0]), min(span[block, 1], span[its, 1])
+                low, high = (
+                    max(span[block, 0], span[other_block, 0]),
+                    min(span[block, 1], span[other_block, 1]),
+                )
                 if low < high:
-                    free = openings(parts, span, a, b, (low, high), (block, its))
+                    free = openings(parts, span, a, b, (low, high), (block, other_block))
                     for k in range(len(free)):
                         begin.append(i)
                         end.append(j)

@@ -71,7 +71,7 @@ class ProcessSource:
         self._response_timeout = response_timeout
         self._waits = lockstep and not scene.realtime
         self._every = ticks_between(rate, scene.period)
-        self._seen_turn: int | None = None  # of the server, when another step held it
+        self._last_turn: int | None = None  # of the server, when another step held it
         self._client_count: int | None = None  # of the server, at the last greeting
         self._greeted: Mapping[str, int] | None = None  # agents of the last greeting
         self._owed = False  # in lock-step: whether an answer is outstanding
@@ -128,7 +128,7 @@ class ProcessSource:
         A step that was ended by a condition or its timeout is not notified and still holds it.
         """
         server = self.server
-        if server.holder not in (None, self) and self._seen_turn != server.turn:
+        if server.holder not in (None, self) and self._last_turn != server.turn:
             return False
         if server.holder not in (None, self):
             server.disconnect()
@@ -137,8 +137,8 @@ class ProcessSource:
 
     def _queue(self) -> Iterator[Failed]:
         """Check for one tick whether the step that holds the server is still running."""
-        if self._seen_turn is None:
-            self._seen_turn = self.server.turn
+        if self._last_turn is None:
+            self._last_turn = self.server.turn
             return
         host, port = self.server.address
         yield Failed(

@@ -45,7 +45,7 @@ class Search:
         self._space = space
         self._pattern = pattern
         self._visits = visits
-        self._wanted = targets if isinstance(targets, int) else list(targets)
+        self._targets = targets if isinstance(targets, int) else list(targets)
         self._coverage = coverage
         self._rows = space.rows
         self._begun = False
@@ -94,7 +94,7 @@ class Search:
         covered = self._space.coverage.fraction
         if self._visits.pending(self._rows):
             return Status.RUNNING, ""
-        enough = self._wanted != 0 and self._visits.has_found(self._wanted)
+        enough = self._targets != 0 and self._visits.has_found(self._targets)
         if enough or covered >= self._coverage:
             return Status.SUCCESS, ""
         if searching or (not free and self._able(health)):

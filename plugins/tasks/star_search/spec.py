@@ -249,7 +249,7 @@ def _width_problems(
 def _separate_targets(
     scene: Scene, area: Area | None, targets: int | Sequence[str] | None, width: float
 ) -> int:
-    """Return the number of wanted targets in the area that are more than `width` m apart.
+    """Return the number of sought targets in the area that are more than `width` m apart.
 
     A finder of one sees others within a camera's view of the floor too.
     """

@@ -76,10 +76,10 @@ class Sweep:
         position = estimate.position
         regions = {row: space.region_of(position[row]) for row in rows}
         for region in sorted(set(regions.values()) - {-1}):
-            mine = [row for row in rows if regions[row] == region]
-            lanes = self._tour(region, position[mine, :2].mean(axis=0))
-            sections = assign_sections(divide(lanes, len(mine)), position[mine, :2])
-            for row, section in zip(mine, sections, strict=True):
+            scouts = [row for row in rows if regions[row] == region]
+            lanes = self._tour(region, position[scouts, :2].mean(axis=0))
+            sections = assign_sections(divide(lanes, len(scouts)), position[scouts, :2])
+            for row, section in zip(scouts, sections, strict=True):
                 self._share[row] = section
                 way = math.dist(position[row, :2], section[0].start) if section else 0.0
                 turns = 2 * len(section) * (math.pi / 2) / TURN_RATE
@@ -87,8 +87,8 @@ class Sweep:
         return longest
 
     def waypoints(self, estimate: Estimate, rows: tuple[int, ...]) -> Mapping[int, Waypoint]:
-        for gone in self._legs.keys() - set(rows):
-            self._share[gone].insert(0, self._legs.pop(gone).lane)
+        for missing_row in self._legs.keys() - set(rows):
+            self._share[missing_row].insert(0, self._legs.pop(missing_row).lane)
         waypoints = {}
         for row in rows:
             waypoint = self._on_lane(row, estimate, rows)
@@ -99,8 +99,8 @@ class Sweep:
                 self._missed.drop(row)
             if waypoint is not None:
                 waypoints[row] = waypoint
-        for gone in set(self._space.views) - set(rows):
-            self._missed.drop(gone)
+        for missing_row in set(self._space.views) - set(rows):
+            self._missed.drop(missing_row)
         return waypoints
 
     def _tour(self, region: int, start: Array) -> list[Lane]:
@@ -188,8 +188,8 @@ class Sweep:
         if largest is None:
             return []
         half = len(same[largest]) // 2 if len(same[largest]) > 1 else 0
-        mine, self._share[largest] = same[largest][half:], same[largest][:half]
-        return from_nearer_end(mine, position)
+        half_share, self._share[largest] = same[largest][half:], same[largest][:half]
+        return from_nearer_end(half_share, position)
 
     def _leg(self, lane: Lane, estimate: Estimate, row: int) -> Leg | None:
         """Return a lane without ends that show nothing new; None if all of it shows nothing new."""
@@ -198,8 +198,8 @@ class Sweep:
         offset = coverage.center - lane.start
         along = offset @ ahead
         across = np.abs(offset[:, 1] * ahead[0] - offset[:, 0] * ahead[1])
-        mine = (across <= spacing / 2) & (along >= 0.0) & (along <= lane.length + self._far)
-        cells = np.flatnonzero(mine & coverage.unseen[:-1])
+        on_lane = (across <= spacing / 2) & (along >= 0.0) & (along <= lane.length + self._far)
+        cells = np.flatnonzero(on_lane & coverage.unseen[:-1])
         if not len(cells):
             return None
         spot = (self._near + self._far) / 2

@@ -57,19 +57,19 @@ class TargetVisits:
         self._of = {tag.id: self.names.index(tag.of) for tag in tags}
         self._sum = np.zeros((len(self.names), 2))  # m, weighted by the inverse of the variance
         self._weight = np.zeros(len(self.names))
-        self._known = np.zeros(len(self.names), np.bool_)
+        self._has_finder = np.zeros(len(self.names), np.bool_)
         self._visits: dict[int, Visit] = {}
         self._taken: list[Array] = []  # (2,) positions where agents landed or stay, m
 
     def begin(self, health: Health) -> float:
         """Note which targets are known already; return how long all visits may take, s."""
-        self._known = health.finder >= 0
+        self._has_finder = health.finder >= 0
         if self._on_found == "continue":
             return 0.0
         fence = self._space.scene.world.fence
         across = math.dist(fence.low[:2], fence.high[:2]) / self._space.speed
         each = {"mark": self._mark_duration + across, "land": self._space.height / LANDING_SPEED}
-        return across + each.get(self._on_found, 0.0) * max(1, int((~self._known).sum()))
+        return across + each.get(self._on_found, 0.0) * max(1, int((~self._has_finder).sum()))
 
     def update(self, estimate: Estimate, health: Health, rows: tuple[int, ...]) -> None:
         """Process sightings, and send each new finder to its target."""
@@ -80,8 +80,8 @@ class TargetVisits:
             if target is not None and 0 < variance < math.inf:
                 self._sum[target] += sightings.position[k, :2] / variance
                 self._weight[target] += 1 / variance
-        new = (health.finder >= 0) & ~self._known
-        self._known |= new
+        new = (health.finder >= 0) & ~self._has_finder
+        self._has_finder |= new
         for target in np.flatnonzero(new).tolist():
             row = int(health.finder[target])
             if self._on_found != "continue" and row in rows and row not in self._visits:
@@ -97,8 +97,8 @@ class TargetVisits:
     def has_found(self, targets: int | list[str]) -> bool:
         """Whether so many targets, or these, are found."""
         if isinstance(targets, int):
-            return int(self._known.sum()) >= targets
-        return all(self._known[self.names.index(name)] for name in targets)
+            return int(self._has_finder.sum()) >= targets
+        return all(self._has_finder[self.names.index(name)] for name in targets)
 
     def visitors(self, rows: tuple[int, ...]) -> tuple[int, ...]:
         """Return which of these agents visit a target, or stay at one for good."""

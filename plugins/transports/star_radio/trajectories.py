@@ -156,16 +156,16 @@ def upload(number: int, trajectory: Trajectory, ask: Ask, *, at: int = 0) -> Non
     """
     data = packed(trajectory)
     memory = memory_number(ask)
-    places = range(0, len(data), packets.MEMORY_PIECE)
+    offsets = range(0, len(data), packets.MEMORY_PIECE)
     writes = [
-        packets.write_memory(memory, at + done, data[done : done + packets.MEMORY_PIECE])
-        for done in places
+        packets.write_memory(memory, at + offset, data[offset : offset + packets.MEMORY_PIECE])
+        for offset in offsets
     ]
     answers = ask([Question.of(write, write[1:6], "the trajectory memory") for write in writes])
-    for done, answer in zip(places, answers, strict=True):
+    for offset, answer in zip(offsets, answers, strict=True):
         if answer[5:6] != b"\0":
             raise PluginError(
-                f"byte {at + done} of the trajectory memory is refused: {answer[5:].hex()!r}",
+                f"byte {at + offset} of the trajectory memory is refused: {answer[5:].hex()!r}",
                 "refused-request",
             )
     packet = orders.define_trajectory(number, len(trajectory.duration), at)

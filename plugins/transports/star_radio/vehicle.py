@@ -232,7 +232,7 @@ class Vehicle:
         failures = []
         for question in self.link.retry(now):
             if question.topic.startswith((log_blocks.TOPIC, profiles.TOPIC)):
-                continue  # `ReportStream` asks again, and `Takeoffs` does without
+                continue  # `ReportStream` repeats it, and `Takeoffs` does without
             answer = question.answer if question.answer is not None else question.refused
             error = _error(answer) if answer and question.topic == "order" else 0
             if question is self._order and self._ends_order(now, answer, error):

@@ -18,7 +18,7 @@ MIN_SEPARATION: Final = 0.4  # of a tag's diagonal, between the centers of two t
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class TagDetections:
     """The tags of one image."""
 
     tag: Rows  # (K,) numbers
@@ -42,7 +42,7 @@ class Detector:
     def __init__(self, lens: CameraModel) -> None:
         self._lens = lens
 
-    def detect(self, image: Image) -> Found:
+    def detect(self, image: Image) -> TagDetections:
         """Return the tags in an image.
 
         Raises:
@@ -50,14 +50,14 @@ class Detector:
         """
         tags: list[tuple[int, Array, float]] = []
         for level, smaller in enumerate(pyramid(checked(image, self._lens))):
-            tags += self._found(smaller, 2.0**level, [corners for _, corners, _ in tags])
-        return Found(
+            tags += self._new_tags(smaller, 2.0**level, [corners for _, corners, _ in tags])
+        return TagDetections(
             np.array([tag for tag, *_ in tags], np.int64),
             np.array([corners for _, corners, _ in tags]).reshape(-1, 4, 2),
             np.array([misfit for *_, misfit in tags], np.float64),
         )
 
-    def _found(
+    def _new_tags(
         self, image: Image, scale: float, earlier: list[Array]
     ) -> Iterator[tuple[int, Array, float]]:
         """Yield number, corners and misfit of the tags in an image with pixels `scale` as large.

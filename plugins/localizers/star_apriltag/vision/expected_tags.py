@@ -71,11 +71,14 @@ class ExpectedTags:
         inside = ((pixels >= 0) & (pixels < self._lens.shape[::-1])).all(axis=1)
         nearest = sorted(np.flatnonzero(inside).tolist(), key=lambda k: distance[rows[k]])
         candidates = [
-            self._seen(self._tags[rows[k]], pixels[k], prediction) for k in nearest[:MAX_TAGS]
+            self._expected_tag(self._tags[rows[k]], pixels[k], prediction)
+            for k in nearest[:MAX_TAGS]
         ]
         return [expected for expected in candidates if expected is not None]
 
-    def _seen(self, tag: MapTag, pixel: Array, prediction: Prediction) -> ExpectedTag | None:
+    def _expected_tag(
+        self, tag: MapTag, pixel: Array, prediction: Prediction
+    ) -> ExpectedTag | None:
         """Return a tag as it should be seen, with a row of about that of (2,) `pixel`."""
         lens, mounting = self._lens, prediction.camera(self._lens.mounting)
         moving = np.concatenate([prediction.motion.rates, prediction.motion.velocity])

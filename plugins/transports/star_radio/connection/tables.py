@@ -54,7 +54,7 @@ class Tables:
 
     def __init__(self, folder: Path | None) -> None:
         self._folder = folder
-        self._known: dict[str, Table] = {}
+        self._tables: dict[str, Table] = {}
         self._lock = threading.Lock()
         self._reading: dict[str, threading.Lock] = {}
 
@@ -68,7 +68,7 @@ class Tables:
         with self._lock:
             reading = self._reading.setdefault(key, threading.Lock())
         with reading:  # the first thread reads the table; if that fails, the next one tries
-            table = self._known.get(key) or self._load(key, count)
+            table = self._tables.get(key) or self._load(key, count)
             if table is None:
                 items = (packets.table_item(port, number) for number in range(count))
                 answers = ask(
@@ -76,7 +76,7 @@ class Tables:
                 )
                 table = dict(_entry(port, *numbered) for numbered in enumerate(answers))
                 self._store(key, table)
-            self._known[key] = table
+            self._tables[key] = table
         return table
 
     def _load(self, key: str, count: int) -> Table | None:

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import pytest
 
-from star_apriltag.vision.detector import Detector, Found
+from star_apriltag.vision.detector import Detector, TagDetections
 from star_apriltag.vision.quads import dark_quads
 from star_apriltag.vision.tag_code import MIN_CORRELATION, module_grid, read_codes
 from star_core import Array, Camera, Image, Tag
@@ -170,7 +170,7 @@ def test_photographs_show_what_the_april_tag_library_finds_in_them() -> None:
         assert len(found.tag) >= len(opencv(image))
 
 
-def _distances(found: Found, tag: int, corners: Array) -> list[float]:
+def _distances(found: TagDetections, tag: int, corners: Array) -> list[float]:
     """Return the mean distance of the corners of a tag from those found, px, if it is found."""
     turned = np.array([np.roll(corners[::way], k, axis=0) for way in (1, -1) for k in range(4)])
     distances = [
