@@ -16,11 +16,11 @@ MAX_DEPTH: Final = 4  # levels of maps inside options that are described
 AGENTS: Final = {"ground": "on the ground", "air": "in the air"}
 
 
-def describe(kind: str, found: Found) -> str:
+def describe(kind: str, plugin: Found) -> str:
     """Return the description of one plugin."""
-    offer, schema = found.offer, options_of(found)
+    offer, schema = plugin.offer, options_of(plugin)
     lines = [
-        f"{offer.name}: {kind.replace('_', ' ')} of {found.source}",
+        f"{offer.name}: {kind.replace('_', ' ')} of {plugin.source}",
         *_wrapped(offer.summary, 2),
     ]
     if isinstance(offer, TaskSpec) and offer.before:
@@ -28,25 +28,25 @@ def describe(kind: str, found: Found) -> str:
     properties = schema.get("properties", {})
     if properties:
         lines += ["", "  Options:", *_options(schema, schema.get("$defs", {}))]
-    if usage := _usage(kind, found):
+    if usage := _usage(kind, plugin):
         lines += ["", *_wrapped(usage, 2)]
     return "\n".join(lines)
 
 
-def _usage(kind: str, found: Found) -> str:
-    name, schema = found.offer.name, options_of(found)
+def _usage(kind: str, plugin: Found) -> str:
+    name, schema = plugin.offer.name, options_of(plugin)
     if kind == "command":
         return f"`star {name} --help` describes its options."
     if kind == "run_option":
-        value = f" {found.offer.metavar}" if found.offer.metavar else ""
+        value = f" {plugin.offer.metavar}" if plugin.offer.metavar else ""
         return f"Example: star run MISSION --{name}{value}"
     if kind == "task":
         example = flow(next(iter(schema.get("examples", ())), {}))
         return f"Example: - {name}: {example}. All verbs also have: {', '.join(SHARED)}."
     if kind in PARTS:
-        given = {key: rules["default"] for key, rules in schema.get("properties", {}).items()
+        defaults = {key: rules["default"] for key, rules in schema.get("properties", {}).items()
                  if isinstance(rules, dict) and rules.get("default") is not None}  # fmt: skip
-        some = dict(list(given.items())[:1])
+        some = dict(list(defaults.items())[:1])
         return f"Example: {kind}: {flow({'use': name} | some) if some else name}"
     return ""
 
@@ -92,7 +92,7 @@ def allowed(rules: Mapping[str, Any], shared: Mapping[str, Any]) -> str:
     if "const" in rules:
         return flow(rules["const"])
     if several := rules.get("anyOf", rules.get("oneOf")):
-        return ", or ".join(allowed(resolved(one, shared), {}) for one in several)
+        return ", or ".join(allowed(resolved(alternative, shared), {}) for alternative in several)
     types = rules.get("type", ())
     names = [types] if isinstance(types, str) else types
     return ", or ".join(_of_type(name, rules, shared) for name in names)
@@ -123,7 +123,7 @@ def _range(rules: Mapping[str, Any]) -> str:
     limits = ((">", above), ("≥", low), ("<", below), ("≤", high))
     return "".join(
         f"{' and' * bool(i)} {sign} {limit}"
-        for i, (sign, limit) in enumerate(one for one in limits if one[1] is not None)
+        for i, (sign, limit) in enumerate(bound for bound in limits if bound[1] is not None)
     )
 
 

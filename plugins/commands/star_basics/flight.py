@@ -75,9 +75,9 @@ def run_mission(  # noqa: PLR0913 -- options of the command
     if keep and out is None:
         registry.add(LatestRun(), Source("star-swarm:latest"))
     for name, values in observers.items():
-        found = registry.find("run_option", name)
-        observer = guarded("option", found, found.offer.make, mission, registry, *values)
-        registry.add(observer, replace(found.source, plugin=f"{found.source.plugin}:{name}"))
+        option = registry.find("run_option", name)
+        observer = guarded("option", option, option.offer.make, mission, registry, *values)
+        registry.add(observer, replace(option.source, plugin=f"{option.source.plugin}:{name}"))
     operator = operator or Operator()
     with _signals(operator), listening(operator, mission.name):
         summary = fly(mission, registry, folder=folder, save_frames=save_frames, operator=operator)

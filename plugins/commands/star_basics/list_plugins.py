@@ -42,7 +42,7 @@ def run(options: Namespace, registry: Registry) -> int:
     else:
         from star_basics.describe_plugin import describe
 
-        print("\n\n".join(describe(kind, found) for kind, found in plugins))
+        print("\n\n".join(describe(kind, plugin) for kind, plugin in plugins))
     return 0
 
 
@@ -55,18 +55,18 @@ def chosen(registry: Registry, name: str | None = None) -> Plugins:
     plugins = [*registry, *_observers(registry)]
     if name is None:
         return plugins
-    known: set[str] = set()
-    found = []
-    for kind, one in plugins:
-        distribution, _, entry = one.source.plugin.partition(":")
-        names = {one.offer.name, entry, distribution, kind, f"{kind}s"}
-        known |= names
+    all_names: set[str] = set()
+    matches = []
+    for kind, plugin in plugins:
+        distribution, _, entry = plugin.source.plugin.partition(":")
+        names = {plugin.offer.name, entry, distribution, kind, f"{kind}s"}
+        all_names |= names
         if name in names:
-            found.append((kind, one))
-    if not found:
-        hint = suggestion(name, sorted(known)) or "; `star plugins` lists all plugins"
+            matches.append((kind, plugin))
+    if not matches:
+        hint = suggestion(name, sorted(all_names)) or "; `star plugins` lists all plugins"
         raise PluginError(f"no plugin named {name!r}{hint}", "unknown-plugin")
-    return found
+    return matches
 
 
 def as_text(plugins: Plugins, broken: Mapping[Source, str]) -> str:
@@ -75,7 +75,7 @@ def as_text(plugins: Plugins, broken: Mapping[Source, str]) -> str:
     for kind, group in groupby(plugins, key=lambda plugin: plugin[0]):
         lines += [
             f"{kind}s".replace("_", " "),
-            *columns(map(_row, (found for _, found in group))),
+            *columns(map(_row, (plugin for _, plugin in group))),
             "",
         ]
     lines.append("`star plugins NAME` describes a plugin and its options.")
@@ -87,27 +87,27 @@ def as_json(plugins: Plugins, broken: Mapping[Source, str]) -> str:
     records: list[dict[str, Any]] = [
         {
             "kind": kind,
-            "name": found.offer.name,
-            "summary": found.offer.summary,
-            "plugin": found.source.plugin,
-            "version": found.source.version,
-            "options": dict(options_of(found)),
+            "name": plugin.offer.name,
+            "summary": plugin.offer.summary,
+            "plugin": plugin.source.plugin,
+            "version": plugin.source.version,
+            "options": dict(options_of(plugin)),
         }
-        for kind, found in plugins
+        for kind, plugin in plugins
     ]
     reasons = {str(source): why for source, why in broken.items()}
     return json.dumps({"plugins": records, "broken": reasons}, indent=2)
 
 
-def options_of(found: Found) -> Mapping[str, Any]:
+def options_of(plugin: Found) -> Mapping[str, Any]:
     """Return the JSON Schema of a plugin's options."""
-    schema: Mapping[str, Any] = getattr(found.offer, "options", NO_OPTIONS)
+    schema: Mapping[str, Any] = getattr(plugin.offer, "options", NO_OPTIONS)
     return schema
 
 
-def _row(found: Found) -> tuple[str, str]:
-    source = "" if found.source.own else f"  [{found.source}]"
-    return found.offer.name, found.offer.summary + source
+def _row(plugin: Found) -> tuple[str, str]:
+    source = "" if plugin.source.own else f"  [{plugin.source}]"
+    return plugin.offer.name, plugin.offer.summary + source
 
 
 def _observers(registry: Registry) -> Iterator[tuple[str, Found]]:

@@ -115,18 +115,18 @@ def _folders() -> tuple[list[Path], list[InputError]]:
             else set()
         )
     runtime = os.environ.get("XDG_RUNTIME_DIR")
-    own = [Path(runtime) / FOLDER] if runtime else []
+    candidates = [Path(runtime) / FOLDER] if runtime else []
     for user in users:
-        own += [
+        candidates += [
             SESSIONS / str(user) / FOLDER,
             shared_folder(user),
         ]
     folders: list[Path] = []
     refused: list[InputError] = []
-    for folder in dict.fromkeys([*own, *_bound()]):
+    for folder in dict.fromkeys([*candidates, *_bound()]):
         with suppress(OSError):  # it does not exist, or belongs to another user
             owner = folder.lstat().st_uid
-            if owner not in users and folder not in own:
+            if owner not in users and folder not in candidates:
                 continue
             try:
                 check_private(folder, owner if owner in users else os.getuid())

@@ -60,9 +60,9 @@ def run(options: argparse.Namespace, registry: Registry) -> int:
         sys.stderr.write(f"star: {campaign.runs} flights; all are checked before the first\n")
         flown = _fly(study, folder / FLOWN, options.workers, registry)
         with Progress("tabulating"):
-            found = rows(_metrics(flown, campaign))
-        table = as_markdown(found)
-        (folder / "bench.csv").write_text(as_csv(found), encoding="utf-8")
+            groups = rows(_metrics(flown, campaign))
+        table = as_markdown(groups)
+        (folder / "bench.csv").write_text(as_csv(groups), encoding="utf-8")
         (folder / "bench.md").write_text(table, encoding="utf-8")
         titled = StudyResults(tuple(_titled(flown, campaign)))
         (folder / "results.csv").write_text(titled.as_csv(FACTORS, MEASURES), encoding="utf-8")
@@ -133,22 +133,22 @@ def _settings(options: argparse.Namespace) -> tuple[tuple[str, str], ...]:
 
 def _cases(options: argparse.Namespace) -> Iterator[Case]:
     """Yield every case in the order of the table."""
-    seen = set()
+    names = set()
     for word in options.scenarios or CATALOGUE:
-        name, given = named("--scenarios", word)
+        name, values = named("--scenarios", word)
         if name not in CATALOGUE:
             hint = suggestion(name, CATALOGUE, "there are")
             raise InputError(f"--scenarios: no scenario named {name!r}{hint}", "invalid-argument")
-        chosen = checked_options(name, given)
+        chosen = checked_options(name, values)
         for agents in dict.fromkeys(options.agents or numbers(name)):
             if not MIN_AGENTS <= agents <= MAX_AGENTS:
                 wrong = f"--agents {agents}: expected a number from {MIN_AGENTS} to {MAX_AGENTS}"
                 raise InputError(wrong, "out-of-range")
             for seed in range(options.seeds):
                 case = Case(name, agents, seed, chosen)
-                if case.name in seen:
+                if case.name in names:
                     raise InputError(f"--scenarios: {word!r} is given twice", "duplicate-name")
-                seen.add(case.name)
+                names.add(case.name)
                 yield case
 
 
@@ -229,7 +229,7 @@ def levels(words: list[str], registry: Registry) -> dict[str, Any]:
     Raises:
         InputError: There is no avoider of that name, or one is given twice.
     """
-    found: dict[str, Any] = {}
+    by_label: dict[str, Any] = {}
     for word in words or registry.names("avoider"):
         name, options = named("--avoiders", word)
         try:
@@ -237,10 +237,10 @@ def levels(words: list[str], registry: Registry) -> dict[str, Any]:
         except PluginError as error:
             raise InputError(f"--avoiders: {error}", "unknown-plugin") from None
         label = label_of(name, options)
-        if label in found:
+        if label in by_label:
             raise InputError(f"--avoiders: {label!r} is given twice", "duplicate-name")
-        found[label] = {"use": name, **options} if options else name
-    return found
+        by_label[label] = {"use": name, **options} if options else name
+    return by_label
 
 
 def label_of(name: str, options: Mapping[str, Any]) -> str:

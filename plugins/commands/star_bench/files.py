@@ -115,8 +115,8 @@ def _study(campaign: Campaign) -> Iterator[str]:
     yield from (f"  - {MISSIONS}/{case.name}.yaml" for case in campaign.cases)
     yield "factors:"
     yield f"  {AVOIDER}:"
-    for label, given in campaign.avoiders.items():
-        yield f"    {json.dumps(label)}: {json.dumps({'avoider': given})}"
+    for label, choice in campaign.avoiders.items():
+        yield f"    {json.dumps(label)}: {json.dumps({'avoider': choice})}"
     yield f"  {SETTING}:"
     for setting in campaign.settings:
         yield f'    "{" ".join(setting)}": {json.dumps(SETTINGS[setting])}'

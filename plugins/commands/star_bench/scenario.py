@@ -150,16 +150,16 @@ def random_points(
     Returns:
         The points, or None if there is no room for so many.
     """
-    found: list[PointXY] = []
+    points: list[PointXY] = []
     for _ in range(n):
         for _ in range(MAX_DRAWS):
             point = uniform(rng, -half, half), uniform(rng, -half, half)
-            if free(point) and separated(point, found, separation):
-                found.append(point)
+            if free(point) and separated(point, points, separation):
+                points.append(point)
                 break
         else:
             return None
-    return found
+    return points
 
 
 def separated(point: PointXY, others: Sequence[PointXY], distance: float) -> bool:

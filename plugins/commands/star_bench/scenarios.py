@@ -300,20 +300,20 @@ def numbers(scenario: str) -> tuple[int, ...]:
     return NUMBERS.get(scenario, USUAL_NUMBERS)
 
 
-def checked_options(scenario: str, given: Mapping[str, Any]) -> Mapping[str, float]:
+def checked_options(scenario: str, values: Mapping[str, Any]) -> Mapping[str, float]:
     """Return a scenario's options as numbers.
 
     Raises:
         InputError: It has no option of that name, or the value is not a valid length.
     """
-    known = inspect.getfullargspec(CATALOGUE[scenario]).kwonlyargs
-    for name, value in given.items():
-        if name not in known:
-            there = f"there is {', '.join(known)}" if known else "it has none"
-            wrong = f"--scenarios: {scenario!r} has no option {name!r}; {there}"
+    names = inspect.getfullargspec(CATALOGUE[scenario]).kwonlyargs
+    for name, value in values.items():
+        if name not in names:
+            expected = f"there is {', '.join(names)}" if names else "it has none"
+            wrong = f"--scenarios: {scenario!r} has no option {name!r}; {expected}"
             raise InputError(wrong, "invalid-argument")
         number = isinstance(value, int | float) and not isinstance(value, bool)
         if not (number and 0 < value <= MAX_WIDTH):
             wrong = f"{value!r}, expected m, more than 0, {MAX_WIDTH} at most"
             raise InputError(f"--scenarios: {scenario} {name}: {wrong}", "out-of-range")
-    return {name: float(value) for name, value in given.items()}
+    return {name: float(value) for name, value in values.items()}

@@ -143,34 +143,34 @@ def rows(flown: Iterable[tuple[Key, Metrics]]) -> list[tuple[Key, list[Cell]]]:
     """Return a row for each key, in order of appearance, then one for each avoider."""
     groups: dict[Key, list[Metrics]] = {}
     pooled: dict[Key, list[Metrics]] = {}
-    for key, one in flown:
-        groups.setdefault(key, []).append(one)
-        pooled.setdefault(Key(key.avoider, ALL, ALL, key.world, key.positions), []).append(one)
+    for key, metrics in flown:
+        groups.setdefault(key, []).append(metrics)
+        pooled.setdefault(Key(key.avoider, ALL, ALL, key.world, key.positions), []).append(metrics)
     return [(key, [*_cells(of)]) for key, of in [*groups.items(), *pooled.items()]]
 
 
 def _cells(flights: Sequence[Metrics]) -> Iterator[Cell]:
     for name, (sum_up, _) in COLUMNS.items():
-        known = [v for one in flights if (v := one.get(name)) is not None]
-        yield sum_up(known) if known else None
+        values = [v for flight in flights if (v := flight.get(name)) is not None]
+        yield sum_up(values) if values else None
 
 
-def as_csv(found: Sequence[tuple[Key, Sequence[Cell]]]) -> str:
+def as_csv(groups: Sequence[tuple[Key, Sequence[Cell]]]) -> str:
     """Return the table with full precision; unknown values are empty."""
     text = StringIO()
     table = csv.writer(text, lineterminator="\n")
     table.writerow([*Key._fields, *COLUMNS])
-    table.writerows([*key, *cells] for key, cells in found)
+    table.writerows([*key, *cells] for key, cells in groups)
     return text.getvalue()
 
 
-def as_markdown(found: Sequence[tuple[Key, Sequence[Cell]]]) -> str:
+def as_markdown(groups: Sequence[tuple[Key, Sequence[Cell]]]) -> str:
     """Return the table as Markdown, with an explanation of its columns."""
     shown = [name for name, (_, how) in COLUMNS.items() if how is not None]
     lines = [
         _line([*Key._fields, *shown]),
         _line(["---"] * len(Key._fields) + ["---:"] * len(shown)),
-        *(_line([*key, *_shown(cells)]) for key, cells in found),
+        *(_line([*key, *_shown(cells)]) for key, cells in groups),
     ]
     return "\n".join(lines) + "\n\n" + LEGEND
 

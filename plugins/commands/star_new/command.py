@@ -41,8 +41,8 @@ def run(options: argparse.Namespace, _registry: Registry) -> int:
         raise InputError(text, "invalid-name")
     if options.what == "plugin" and options.kind is None:
         raise InputError(f"--kind: expected one of: {', '.join(KINDS)}", "missing-option")
-    found = _files(options.what, name, options.kind)
-    content = {Path(path): text for path, text in found}
+    files = _files(options.what, name, options.kind)
+    content = {Path(path): text for path, text in files}
     for path in content:
         if path.exists():
             raise InputError(f"{path}: exists already; choose another name", "file-exists")

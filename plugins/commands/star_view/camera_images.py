@@ -25,7 +25,7 @@ class Picture(NamedTuple):
     """An image with its tags."""
 
     image: Image
-    found: Detections
+    tags: Detections
 
 
 class CameraStream:
@@ -33,21 +33,21 @@ class CameraStream:
 
     def __init__(self) -> None:
         self._images: deque[tuple[float, Image]] = deque(maxlen=KEPT)
-        self._found: deque[Detections] = deque(maxlen=KEPT)
+        self._tags: deque[Detections] = deque(maxlen=KEPT)
 
     def add(self, time: float, image: Image) -> None:
         """Add an image with its time, s."""
         self._images.append((time, image))
 
-    def add_tags(self, found: Detections) -> None:
+    def add_tags(self, tags: Detections) -> None:
         """Add tags of this camera's images."""
-        self._found.append(found)
+        self._tags.append(tags)
 
     def picture(self) -> Picture | None:
         """Return the newest image with tags, or the newest of all if that is too old."""
-        found, shown = Detections.merged(self._found), None
+        detections, shown = Detections.merged(self._tags), None
         for time, image in reversed(self._images):
-            tags = found.of(np.abs(found.time - time) < SAME)
+            tags = detections.of(np.abs(detections.time - time) < SAME)
             if shown is None:
                 newest, shown = time, Picture(image, tags)
             if len(tags.tag) and newest - time <= MAX_DELAY:

@@ -70,9 +70,9 @@ class LivePage:
         self._events.extend(news.events)
         for row, image in news.images.items():
             self._streams[row].add(*image)
-        for found in news.detections:
-            for row in set(found.agent.tolist()):
-                self._streams[row].add_tags(found.of(found.agent == row))
+        for detections in news.detections:
+            for row in set(detections.agent.tolist()):
+                self._streams[row].add_tags(detections.of(detections.agent == row))
         self._latest = now, news.factor
         wall = time.monotonic()
         if wall - self._panel_shown >= PANEL_PERIOD:
@@ -115,7 +115,7 @@ class LivePage:
         self._trail.append(now)
         while self._trail[0].time < now.time - TRAIL:
             self._trail.popleft()
-        return now.with_trail([one.position for one in self._trail])
+        return now.with_trail([snapshot.position for snapshot in self._trail])
 
     def _add_controls(self, gui: viser.GuiApi, speed: float | None) -> None:
         self._status = gui.add_markdown("the flight begins")

@@ -89,8 +89,8 @@ class LiveView:
         if len(frames.agent):
             timed = zip(frames.time.tolist(), frames.image, strict=True)
             self._images.update(zip(frames.agent.tolist(), timed, strict=True))
-        if len((found := tick.detections).tag):
-            self._detections.append(found)
+        if len((detections := tick.detections).tag):
+            self._detections.append(detections)
         self._tick = tick
 
     @hookimpl
@@ -140,9 +140,9 @@ class LiveView:
         newest = self._images.copy()
         images = {row: image for row, image in newest.items() if self._sent.get(row) is not image}
         self._sent = newest
-        events, found = _drained(self._events), _drained(self._detections)
+        events, detections = _drained(self._events), _drained(self._detections)
         telemetry = replace(tick.telemetry, odometry=Odometry.none(), frames=Frames.none())
-        return News(replace(tick, telemetry=telemetry), factor, images, found, events)
+        return News(replace(tick, telemetry=telemetry), factor, images, detections, events)
 
     def _receive(self) -> None:
         """Do what the operator asks for on the page."""

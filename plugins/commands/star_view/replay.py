@@ -79,16 +79,16 @@ class Replay:
         past = {
             row: (time, frames[time])
             for row, frames in enumerate(self._frames.values())
-            if (time := max((one for one in frames if one <= now), default=None)) is not None
+            if (time := max((stamp for stamp in frames if stamp <= now), default=None)) is not None
         }
         paths = [path for _, path in past.values()]
         if paths == self._shown:
             return
-        self._shown, found = paths, self._run.detections
-        ms = np.round(1000 * found.time)
+        self._shown, detections = paths, self._run.detections
+        ms = np.round(1000 * detections.time)
         pictures = {
             self._run.agents[row]: Picture(
-                np.asarray(image, np.uint8), found.of((found.agent == row) & (ms == time))
+                np.asarray(image, np.uint8), detections.of((detections.agent == row) & (ms == time))
             )
             for row, (time, path) in past.items()
             if (image := cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)) is not None

@@ -87,11 +87,13 @@ class Snapshot:
     def states(self, names: Sequence[str]) -> str:
         """Return phase, height and battery of each agent as a table in Markdown."""
         rows = ["| agent | phase | z (m) | battery (V) |", "|:---|:---|:---|:---|"]
-        for name, phase, here, battery in zip(
+        for name, phase, position, battery in zip(
             names, self.phase.tolist(), self.position, self.battery, strict=True
         ):
             words = AgentPhase(int(phase)).name.lower().replace("_", " ")
-            numbers = (f"{value:.2f}" if np.isfinite(value) else "" for value in (here[2], battery))
+            numbers = (
+                f"{value:.2f}" if np.isfinite(value) else "" for value in (position[2], battery)
+            )
             rows.append(f"| {escaped(name)} | {words} | {' | '.join(numbers)} |")
         return "\n".join(rows)
 
@@ -129,8 +131,8 @@ def _planned(run: Run, row: int, tick: int, *, pursues: bool) -> Array:
     [number] = run.paths.current(row, run.arrays["time"][[tick]])
     if number < 0 or not pursues:
         return np.zeros((0, 3))
-    here = run.arrays["estimate_position"][tick, row]
-    return np.vstack([here, run.paths.points(number)])
+    position = run.arrays["estimate_position"][tick, row]
+    return np.vstack([position, run.paths.points(number)])
 
 
 def _doing(run: Run, moment: float) -> str:

@@ -115,11 +115,11 @@ class SwarmScene:
     def _show_estimate(self, row: int, now: Snapshot) -> None:
         """Draw what the localizer estimates, beside the ground truth."""
         position, covariance = now.estimate[row], now.covariance[row]
-        known = bool(np.isfinite(position).all() and np.isfinite(covariance).all())
+        finite = bool(np.isfinite(position).all() and np.isfinite(covariance).all())
         marker, ellipsoid = self.estimates[row], self.ellipsoids[row]
-        marker.visible = known and now.simulated
-        ellipsoid.visible = known
-        if known:
+        marker.visible = finite and now.simulated
+        ellipsoid.visible = finite
+        if finite:
             variance, axes = np.linalg.eigh(covariance)
             semiaxes = SIGMAS * np.sqrt(np.maximum(variance, 0.0))
             ellipsoid.scale = tuple(np.maximum(semiaxes, MIN_SEMIAXIS).tolist())

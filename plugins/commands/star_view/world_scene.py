@@ -60,9 +60,9 @@ def _add_tags(scene: SceneApi, kind: str, tags: Iterable[Tag], color: tuple[int,
             f"/{kind}/{tag.of}/{tag.id}", color=color, wxyz=(w, x, y, z), position=tag.position,
             dimensions=(tag.size, tag.size, TAG_THICKNESS), cast_shadow=False, receive_shadow=False,
         )  # fmt: skip
-    for name, own in groups.items():
-        numbers = ", ".join(str(tag.id) for tag in own)
-        x, y, z = np.mean([tag.position for tag in own], axis=0)
+    for name, members in groups.items():
+        numbers = ", ".join(str(tag.id) for tag in members)
+        x, y, z = np.mean([tag.position for tag in members], axis=0)
         scene.add_label(
             f"/{kind}/{name}/label", f"{name} ({numbers})", position=(x, y, z + 0.05),
             font_screen_scale=LABEL, anchor="bottom-center",

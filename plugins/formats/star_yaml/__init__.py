@@ -123,6 +123,6 @@ def _check_camera(file: SourceFile, _registry: Registry) -> str:
     from star_core.formats import camera_faults
 
     faults = camera_faults(file.data)
-    if found := file.located(Problem(path, text, "invalid-camera") for path, text in faults):
-        raise InputError(found)
+    if problems := file.located(Problem(path, text, "invalid-camera") for path, text in faults):
+        raise InputError(problems)
     return f"{file.data['name']!r}, a camera for missions"

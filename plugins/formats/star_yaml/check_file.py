@@ -39,8 +39,10 @@ def check_file(
 
 def _checked(document: Document, kind: FileKindSpec, registry: Registry) -> str:
     """Check a file of a kind that is neither a mission nor steps."""
-    if kind.schema is not None and (found := schema.problems(document, kind.schema(registry))):
-        raise InputError(found)
+    if kind.schema is not None and (
+        mission_problems := schema.problems(document, kind.schema(registry))
+    ):
+        raise InputError(mission_problems)
     return kind.check(document, registry) if kind.check is not None else kind.noun
 
 
@@ -48,8 +50,8 @@ def _mission(
     path: Path, document: Document, assignments: Sequence[str], registry: Registry
 ) -> tuple[str, Sequence[str]]:
     mission = checked(document, registry, assignments)
-    found_by_plugins = registry.manager.hook.star_check(mission=mission, registry=registry)
-    problems: list[Problem] = [problem for own in found_by_plugins for problem in own]
+    by_plugin = registry.manager.hook.star_check(mission=mission, registry=registry)
+    problems: list[Problem] = [problem for listed in by_plugin for problem in listed]
     if errors := [problem for problem in problems if not problem.warning]:
         raise InputError(mission.file.located(errors))
     agents = len(mission.scene.agents)

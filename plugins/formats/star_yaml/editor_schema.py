@@ -40,16 +40,18 @@ def for_editors(schema: dict[str, Any], *, parameters: bool = False) -> dict[str
 
     Args:
         schema: To be changed in place.
-        parameters: Whether a parameter may stand in the place of every value of its definitions.
+        parameters: Whether a parameter may replace every value of its definitions.
     """
     _entitle(schema, schema)
     if parameters:
-        schema["$defs"] = {name: admitting(held) for name, held in schema["$defs"].items()}
+        schema["$defs"] = {
+            name: admitting(definition) for name, definition in schema["$defs"].items()
+        }
     return schema
 
 
 def admitting(schema: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a schema that lets a parameter stand in the place of every value, for editors.
+    """Return a schema that lets a parameter replace every value, for editors.
 
     Every rule stays where it is, so that an editor completes and explains as before, but for those
     that no ``$name`` would keep: they hold for everything else. Alternatives need not exclude each
@@ -60,7 +62,7 @@ def admitting(schema: Mapping[str, Any]) -> dict[str, Any]:
     >>> admitting({"enum": ["land", "hold"]})["else"]
     {'enum': ['land', 'hold']}
     """
-    made = {key: _inner(key, held) for key, held in schema.items()}
+    made = {key: _inner(key, rule) for key, rule in schema.items()}
     if branches := made.pop("oneOf", None):
         either = {"anyOf": [admitting(branch) for branch in branches]}
         made["allOf"] = [*made.get("allOf", ()), either]
@@ -76,13 +78,13 @@ def admitting(schema: Mapping[str, Any]) -> dict[str, Any]:
     return {**made, **_NAMED}
 
 
-def _inner(key: str, held: Any) -> Any:
+def _inner(key: str, rule: Any) -> Any:
     """Return what stands under a keyword, with the schemas in it made to admit parameters."""
     if key in _MAPS:
-        return {name: _admitting(inner) for name, inner in held.items()}
+        return {name: _admitting(inner) for name, inner in rule.items()}
     if key in _LISTS:
-        return [_admitting(inner) for inner in held]
-    return _admitting(held) if key in _ONE else held
+        return [_admitting(inner) for inner in rule]
+    return _admitting(rule) if key in _ONE else rule
 
 
 def _admitting(schema: Any) -> Any:
@@ -95,22 +97,22 @@ def _entitle(value: Any, root: Mapping[str, Any]) -> None:
     Editors head what they say of a property with its title, or with that of what it is a part of.
     """
     if isinstance(value, list):
-        for one in value:
-            _entitle(one, root)
+        for item in value:
+            _entitle(item, root)
     if not isinstance(value, dict):
         return
-    for key, held in value.items():
+    for key, inner in value.items():
         if key not in NO_SCHEMAS:
-            _entitle(held, root)
+            _entitle(inner, root)
     properties = value.get("properties")
-    for name, held in properties.items() if isinstance(properties, dict) else ():
-        if not isinstance(held, dict) or "title" in held or "title" in _referred(held, root):
+    for name, rules in properties.items() if isinstance(properties, dict) else ():
+        if not isinstance(rules, dict) or "title" in rules or "title" in _referred(rules, root):
             continue
-        held["title"] = name.removesuffix("_deg").replace("_", " ").capitalize()
+        rules["title"] = name.removesuffix("_deg").replace("_", " ").capitalize()
 
 
 def _referred(schema: Mapping[str, Any], root: Mapping[str, Any]) -> Mapping[str, Any]:
     """Return the definition of `root` that a schema refers to; an empty one if there is none."""
     name = str(schema.get("$ref", "")).removeprefix("#/$defs/")
-    found: Mapping[str, Any] = root.get("$defs", {}).get(name, {})
-    return found
+    definition: Mapping[str, Any] = root.get("$defs", {}).get(name, {})
+    return definition

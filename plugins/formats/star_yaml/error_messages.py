@@ -60,7 +60,7 @@ class Breach(NamedTuple):
 
     path: Location
     keyword: str
-    wanted: Any
+    operand: Any
     value: Any
     rules: Mapping[str, Any]
     error: ValidationError
@@ -72,7 +72,7 @@ class Breach(NamedTuple):
         return cls(path, keyword, error.validator_value, error.instance, rules, error)
 
     @property
-    def known(self) -> Mapping[str, Any]:
+    def possible_keys(self) -> Mapping[str, Any]:
         """The keys that are possible."""
         return self.rules.get("properties", {})  # type: ignore[no-any-return]
 
@@ -105,7 +105,7 @@ def general(breach: Breach) -> str:
     if keyword in {"not", ""} and "errorMessage" in breach.rules:
         return str(breach.rules["errorMessage"])
     if keyword in _BOUNDS:
-        return f"{breach.value!r} is {_BOUNDS[keyword]} {breach.wanted!r}"
+        return f"{breach.value!r} is {_BOUNDS[keyword]} {breach.operand!r}"
     if CODES.get(keyword) == "wrong-length":
         return _length(breach)
     return _MESSAGES.get(keyword, _plainly)(breach)
@@ -123,26 +123,26 @@ def _plainly(breach: Breach) -> str:
 
 
 def _type(breach: Breach) -> str:
-    wanted = [breach.wanted] if isinstance(breach.wanted, str) else list(breach.wanted)
-    if wanted == ["integer"] and isinstance(breach.value, float):
+    types = [breach.operand] if isinstance(breach.operand, str) else list(breach.operand)
+    if types == ["integer"] and isinstance(breach.value, float):
         return f"{breach.value!r} is not a whole number"
-    expected = " or ".join(_TYPES.get(name, name) for name in wanted)
-    return f"{what(breach.value)}, expected {expected}{_hint(breach, wanted)}"
+    expected = " or ".join(_TYPES.get(name, name) for name in types)
+    return f"{what(breach.value)}, expected {expected}{_hint(breach, types)}"
 
 
-def _hint(breach: Breach, wanted: list[str]) -> str:
+def _hint(breach: Breach, types: list[str]) -> str:
     """Return how to correct a value of another type, if that is clear."""
     value = breach.value
-    if wanted == ["string"] and isinstance(value, int | float):
+    if types == ["string"] and isinstance(value, int | float):
         return "; put it in quotes"
-    if wanted == ["array"] and isinstance(value, dict):
+    if types == ["array"] and isinstance(value, dict):
         return _as_list(breach)
-    if wanted == ["array"] and isinstance(value, str):
+    if types == ["array"] and isinstance(value, str):
         names = breach.rules.get("items", {}).get("type") == "string"
         return f"; write it `{text}`" if names and (text := short_flow([value])) else ""
-    if wanted == ["object"]:
+    if types == ["object"]:
         return _as_map(breach)
-    return _as_number(breach) if {"number", "integer"}.intersection(wanted) else ""
+    return _as_number(breach) if {"number", "integer"}.intersection(types) else ""
 
 
 def _as_list(breach: Breach) -> str:
@@ -160,9 +160,11 @@ def _as_list(breach: Breach) -> str:
 def _as_map(breach: Breach) -> str:
     """Return how to write a list, or one of the keys, as a map."""
     value = breach.value
-    if isinstance(value, list) and value and all(isinstance(one, dict) for one in value):
+    if isinstance(value, list) and value and all(isinstance(item, dict) for item in value):
         return f"; remove the '- ' before each: `{next(iter(value[0]), '...')}: ...`"
-    examples = breach.known.get(value, {}).get("examples") if isinstance(value, str) else None
+    examples = (
+        breach.possible_keys.get(value, {}).get("examples") if isinstance(value, str) else None
+    )
     return f"; write it `{text}`" if examples and (text := short_flow({value: examples[0]})) else ""
 
 
@@ -181,29 +183,31 @@ def _as_number(breach: Breach) -> str:
 
 def _length(breach: Breach) -> str:
     """Return how many items, keys or characters there are, and how many were expected."""
-    side, value, wanted = breach.keyword[3:], breach.value, breach.wanted
+    side, value, length = breach.keyword[3:], breach.value, breach.operand
     exactly = breach.rules.get(f"min{side}") == breach.rules.get(f"max{side}")
     bound = "" if exactly else "at least " if breach.keyword.startswith("min") else "at most "
     noun = {"Items": "item", "Properties": "key"}.get(side, "character")
     if side == "Items" and value and all(isinstance(item, int | float) for item in value):
         noun = "number"
     if not value:
-        return f"is empty, expected {bound}{wanted} {noun}{'' if wanted == 1 else 's'}"
+        return f"is empty, expected {bound}{length} {noun}{'' if length == 1 else 's'}"
     hint = ""
-    halved = noun == "number" and wanted < len(value) <= 2 * wanted and len(value) > _POINT
-    if halved and all(isinstance(one, int) for one in value):
+    halved = noun == "number" and length < len(value) <= 2 * length and len(value) > _POINT
+    if halved and all(isinstance(item, int) for item in value):
         hint = "; a decimal has a point: 0.8"
-    if noun == "key" and {"any", "all"} <= {*breach.known}:  # of a condition
-        both = short_flow({"all": [{key: one} for key, one in value.items()]})
+    if noun == "key" and {"any", "all"} <= {*breach.possible_keys}:  # of a condition
+        both = short_flow({"all": [{key: item} for key, item in value.items()]})
         hint = f"; write `{both}`, or `any` for one of them" if both else "; join them by `all`"
     plural = "" if len(value) == 1 else "s"
-    return f"has {len(value)} {noun}{plural}, expected {bound}{wanted}{hint}"
+    return f"has {len(value)} {noun}{plural}, expected {bound}{length}{hint}"
 
 
 def _enum(breach: Breach) -> str:
-    known = [one if isinstance(one, str) else show(one) for one in breach.wanted]
+    allowed = [value if isinstance(value, str) else show(value) for value in breach.operand]
     word = breach.value if isinstance(breach.value, str) else ""
-    return f"{show(breach.value)} is not possible here{suggestion(word, known, 'expected one of')}"
+    return (
+        f"{show(breach.value)} is not possible here{suggestion(word, allowed, 'expected one of')}"
+    )
 
 
 def _twice(breach: Breach) -> str:
@@ -214,7 +218,7 @@ def _twice(breach: Breach) -> str:
 def _dependent(breach: Breach) -> str:
     return "; ".join(
         f"{key!r} goes with {other!r}, which is missing"
-        for key, others in breach.wanted.items()
+        for key, others in breach.operand.items()
         for other in others
         if key in breach.value and other not in breach.value
     )
@@ -222,20 +226,22 @@ def _dependent(breach: Breach) -> str:
 
 def _alternatives(breach: Breach) -> str:
     """Name alternatives of which each asks for one key."""
-    keys = [branch.get("required", ()) for branch in breach.wanted if isinstance(branch, dict)]
+    keys = [branch.get("required", ()) for branch in breach.operand if isinstance(branch, dict)]
     names = [required[0] for required in keys if len(required) == 1]
-    if len(names) < len(breach.wanted):
+    if len(names) < len(breach.operand):
         return _plainly(breach)
-    given = " and ".join(repr(name) for name in names if name in breach.value) or "none of them"
+    present = " and ".join(repr(name) for name in names if name in breach.value) or "none of them"
     exactly = "exactly one" if breach.keyword == "oneOf" else "at least one"
-    return f"expected {exactly} of {', '.join(names)}; this has {given}"
+    return f"expected {exactly} of {', '.join(names)}; this has {present}"
 
 
 _MESSAGES: Final[Mapping[str, Callable[[Breach], str]]] = {
     "type": _type,
     "enum": _enum,
-    "const": lambda one: f"{show(one.value)} is not possible here, expected {show(one.wanted)}",
-    "pattern": lambda one: f"{show(one.value)} is not possible here: {reason(one)}",
+    "const": lambda breach: (
+        f"{show(breach.value)} is not possible here, expected {show(breach.operand)}"
+    ),
+    "pattern": lambda breach: f"{show(breach.value)} is not possible here: {reason(breach)}",
     "uniqueItems": _twice,
     "dependentRequired": _dependent,
     "oneOf": _alternatives,

@@ -49,12 +49,15 @@ def check_alone(document: Document, composed: Mapping[str, Any]) -> None:
     Raises:
         InputError: Lists every problem.
     """
-    if found := schema.problems(document, schema.load("steps")) or _default_problems(document):
-        raise InputError(found)
-    filled, found = _filled(document.root.need("mission"), _defaults(document))
+    if problems := schema.problems(document, schema.load("steps")) or _default_problems(document):
+        raise InputError(problems)
+    filled, problems = _filled(document.root.need("mission"), _defaults(document))
     root = replace(document.root, data={**document.root.map(), "mission": filled})
-    if found := [*found, *schema.problems(replace(document, root=root), composed, parameters=True)]:
-        raise InputError(found)
+    if problems := [
+        *problems,
+        *schema.problems(replace(document, root=root), composed, parameters=True),
+    ]:
+        raise InputError(problems)
 
 
 class _Files:
@@ -70,17 +73,23 @@ class _Files:
         """Return cameras with their files' content; keys of the mission itself take precedence."""
         if not isinstance(cameras.data, dict):
             return cameras
-        return replace(cameras, data={n: self._camera(one) for n, one in cameras.data.items()})
+        return replace(
+            cameras, data={n: self._camera(camera) for n, camera in cameras.data.items()}
+        )
 
     def _camera(self, camera: Value) -> Value:
-        given = camera.data
-        if not isinstance(given, dict) or "file" not in given:
+        options = camera.data
+        if not isinstance(options, dict) or "file" not in options:
             return camera
-        source = self._file(given["file"], "camera")
+        source = self._file(options["file"], "camera")
         if source is None:
             return camera
-        read = {key: one for key, one in source.root.map().items() if key not in {"star", "name"}}
-        return replace(camera, data=read | {k: one for k, one in given.items() if k != "file"})
+        read = {
+            key: value for key, value in source.root.map().items() if key not in {"star", "name"}
+        }
+        return replace(
+            camera, data=read | {k: value for k, value in options.items() if k != "file"}
+        )
 
     def steps(self, value: Value, chain: tuple[Path, ...]) -> Value:
         """Return steps with every ``include`` in them replaced.
@@ -92,9 +101,11 @@ class _Files:
         if _is_include(value):
             return self._included(value, chain)
         if isinstance(value.data, dict):
-            return replace(value, data={k: self.steps(one, chain) for k, one in value.data.items()})
+            return replace(
+                value, data={k: self.steps(item, chain) for k, item in value.data.items()}
+            )
         if isinstance(value.data, list):
-            return replace(value, data=[self.steps(one, chain) for one in value.data])
+            return replace(value, data=[self.steps(item, chain) for item in value.data])
         return value
 
     def _included(self, step: Value, chain: tuple[Path, ...]) -> Value:
@@ -103,15 +114,15 @@ class _Files:
         if source is None:
             return step
         before = len(self.problems)
-        given = include.map()["with"].map() if "with" in include.map() else {}
-        values = self._values(include, given, source)
+        arguments = include.map()["with"].map() if "with" in include.map() else {}
+        values = self._values(include, arguments, source)
         if len(chain) == 1:
-            for mark in (mark for value in given.values() for mark in _parameters(value)):
+            for mark in (mark for value in arguments.values() for mark in _parameters(value)):
                 self._report(
                     mark, "parameters are for files that missions include", "misplaced-key"
                 )
-        steps, found = _filled(source.root.need("mission"), values)
-        self.problems += found
+        steps, problems = _filled(source.root.need("mission"), values)
+        self.problems += problems
         steps = self.steps(steps, (*chain, source.path.resolve()))
         if len(self.problems) > before:
             return step
@@ -120,19 +131,19 @@ class _Files:
         return replace(step, data={"repeat": repeat})
 
     def _values(
-        self, include: Value, given: Mapping[str, Value], source: Document
+        self, include: Value, arguments: Mapping[str, Value], source: Document
     ) -> dict[str, Value]:
         """Return the values of a file's parameters."""
         values = _defaults(source)
-        for name, value in given.items():
+        for name, value in arguments.items():
             if name not in values:
                 hint = suggestion(name, values)
                 why = f"the file has no parameter {name!r}{hint}"
                 self._report(value.key, why, "unknown-parameter")
-        values |= given
+        values |= arguments
         for name, value in values.items():
-            if value.data is None or (name not in given and value.data == f"{SIGN}{name}"):
-                at = given.get(name, include)
+            if value.data is None or (name not in arguments and value.data == f"{SIGN}{name}"):
+                at = arguments.get(name, include)
                 why = f"needs a value for {name!r}: with: {{{name}: ...}}"
                 self._report(at.location, why, "missing-option")
                 values[name] = replace(value, data=f"{SIGN}{name}")  # it is reported once
@@ -162,8 +173,8 @@ class _Files:
             except InputError as error:
                 self.problems += error.problems
                 return None
-            if found := _default_problems(document):
-                self.problems += found
+            if problems := _default_problems(document):
+                self.problems += problems
                 return None
             self._read[kind, path] = document
         return self._read[kind, path]
@@ -176,12 +187,12 @@ def _is_include(value: Value) -> bool:
     """Whether this is a step that includes a file."""
     if not isinstance(value.data, dict) or [*value.data] != ["include"]:
         return False
-    given = value.need("include").plain()
+    include = value.need("include").plain()
     return (
-        isinstance(given, dict)
-        and isinstance(given.get("file"), str)
-        and isinstance(given.get("with", {}), dict)
-        and set(given) <= {"file", "with"}
+        isinstance(include, dict)
+        and isinstance(include.get("file"), str)
+        and isinstance(include.get("with", {}), dict)
+        and set(include) <= {"file", "with"}
     )
 
 
@@ -195,18 +206,18 @@ def _parameters(value: Value) -> Iterator[Mark]:
 
 def _defaults(document: Document) -> dict[str, Value]:
     """Return the parameters of a file of steps; those without a default stand for themselves."""
-    given = document.root.map().get("parameters")
+    parameters = document.root.map().get("parameters")
     return {
         name: replace(value, data=f"{SIGN}{name}") if value.data is None else value
-        for name, value in (given.map().items() if given else ())
+        for name, value in (parameters.map().items() if parameters else ())
     }
 
 
 def _default_problems(document: Document) -> list[str]:
-    given = document.root.map().get("parameters")
+    parameters = document.root.map().get("parameters")
     return [
         coded(f"{mark}: a default cannot refer to a parameter", "misplaced-key")
-        for mark in (_parameters(given) if given else ())
+        for mark in (_parameters(parameters) if parameters else ())
     ]
 
 
@@ -217,38 +228,40 @@ def _filled(steps: Value, values: Mapping[str, Value]) -> tuple[Value, list[str]
     """
     problems: list[str] = []
 
-    def known(value: Value) -> Value | None:
+    def value_of(value: Value) -> Value | None:
         """Return the value that a parameter stands for, if this is one and it has one."""
         if not is_parameter(value.data):
             return None
-        found = values.get(str(value.data).removeprefix(SIGN))
-        return None if found is None or is_parameter(found.data) else found
+        replacement = values.get(str(value.data).removeprefix(SIGN))
+        return None if replacement is None or is_parameter(replacement.data) else replacement
 
     def fill(value: Value) -> Value:
         if isinstance(value.data, dict):
-            return replace(value, data={key: fill(one) for key, one in value.data.items()})
+            return replace(value, data={key: fill(item) for key, item in value.data.items()})
         if isinstance(value.data, list):
-            among = {one.data: found for one in value.data if (found := known(one))}
-            written = [str(one.location) for one in among.values() if not one.children()]
+            among = {
+                item.data: replacement for item in value.data if (replacement := value_of(item))
+            }
+            written = [str(item.location) for item in among.values() if not item.children()]
             mark = value.location
             if written:
                 text = ": ".join(dict.fromkeys(written[:_COORDINATES]))
                 mark = mark._replace(source=f"{text}: {mark.source}")
             return Value(
-                [fill(one) for one in value.data], mark if written else value.mark, value.key
+                [fill(item) for item in value.data], mark if written else value.mark, value.key
             )
         if not is_parameter(value.data):
             return value
-        if (found := known(value)) is None:
+        if (replacement := value_of(value)) is None:
             name = str(value.data).removeprefix(SIGN)
             if name not in values:
                 message = f"no parameter named {name!r}{suggestion(name, values)}"
                 problems.append(coded(f"{value.location}: {message}", "unknown-parameter"))
             return value
-        used = _used(found, value.location)
+        used = _used(replacement, value.location)
         in_list = value.key == value.mark
         return replace(
-            used, key=used.mark if in_list or isinstance(found.data, dict) else value.key
+            used, key=used.mark if in_list or isinstance(replacement.data, dict) else value.key
         )
 
     return fill(steps), problems
@@ -258,7 +271,7 @@ def _used(value: Value, at: Mark) -> Value:
     """Return a value that is used elsewhere, with both locations."""
     data = value.data
     if isinstance(data, dict):
-        data = {key: _used(one, at) for key, one in data.items()}
+        data = {key: _used(item, at) for key, item in data.items()}
     elif isinstance(data, list):
-        data = [_used(one, at) for one in data]
+        data = [_used(item, at) for item in data]
     return Value(data, value.location.used_at(at), value.key.used_at(at))

@@ -175,16 +175,16 @@ def _put(into: Value, names: Sequence[str], at: Sequence[str], value: Value) -> 
     if isinstance(into.data, dict):
         inner = into.data.get(name, Value({}, value.mark, value.mark))
         return replace(into, data={**into.data, name: _put(inner, rest, [*at, name], value)})
-    here = ".".join(at)
+    position = ".".join(at)
     if not isinstance(into.data, list):
-        raise _error(value.mark, f"'{here}' is {shown(into.data)} and has no {name!r}")
+        raise _error(value.mark, f"'{position}' is {shown(into.data)} and has no {name!r}")
     if not (name.isascii() and name.isdecimal()):
-        raise _error(value.mark, f"'{here}' is a list: expected an index in place of {name!r}")
+        raise _error(value.mark, f"'{position}' is a list: expected an index in place of {name!r}")
     items = dict(enumerate(into.data))
     index = int(name) if len(name) <= len(str(len(items))) else len(items)
     if index not in items:
         last = f"the last is {len(items) - 1}" if items else "it is empty"
-        raise _error(value.mark, f"'{here}' has no item {name}; {last}")
+        raise _error(value.mark, f"'{position}' has no item {name}; {last}")
     items[index] = _put(items[index], rest, [*at, name], value)
     return replace(into, data=list(items.values()))
 

@@ -77,9 +77,11 @@ def checked(written: Document, registry: Registry, assignments: Sequence[str] = 
     uncertain = uncertain_groups(document.data, data)
     builder = StepBuilder(document, refused, flight, uncertain, registry)
     steps = builder.build()
-    found = [*of_mission(document, data, steps, flight, registry, world_known=room is not None)]
+    mission_problems = [
+        *of_mission(document, data, steps, flight, registry, world_known=room is not None)
+    ]
     problems += document.located(
-        [*builder.problems, *(problem for problem in found if not problem.warning)]
+        [*builder.problems, *(problem for problem in mission_problems if not problem.warning)]
     )
     if problems or world is None:
         raise InputError(document.in_order(problems))
@@ -95,7 +97,9 @@ def checked(written: Document, registry: Registry, assignments: Sequence[str] = 
         source=document.data,
         file=document,
         world_file=world,
-        warnings=tuple(document.located(problem for problem in found if problem.warning)),
+        warnings=tuple(
+            document.located(problem for problem in mission_problems if problem.warning)
+        ),
     )
 
 
@@ -122,17 +126,17 @@ def _world(
 def _transport_properties(choice: Mapping[str, Any], registry: Registry) -> dict[str, Any]:
     """Return what a scene states about the transport that is named."""
     try:
-        found = registry.find("transport", choice["use"])
+        plugin = registry.find("transport", choice["use"])
     except PluginError:  # reported as a reference
         return {}
-    offer, properties = found.offer, {"realtime": bool(found.offer.realtime)}
+    offer, properties = plugin.offer, {"realtime": bool(plugin.offer.realtime)}
     options = fill_defaults(_options(choice), offer.options)  # some of them may be refused
     for name in ("exact_odometry", "measures_positions"):
         if (holds := getattr(offer, name)) is not None:
-            with PluginGuard(f"transport {offer.name!r} ({found.source})"):
+            with PluginGuard(f"transport {offer.name!r} ({plugin.source})"):
                 properties[name] = bool(holds(**options))
     if offer.measurement_errors is not None:
-        with PluginGuard(f"transport {offer.name!r} ({found.source})"):
+        with PluginGuard(f"transport {offer.name!r} ({plugin.source})"):
             properties["measurement_errors"] = offer.measurement_errors(**options)
     return properties
 
@@ -178,12 +182,14 @@ def sound_parts(
 
     def named(key: str, unknown: Any) -> dict[str, Any]:
         """Return the values of a map by name; `unknown` for those that are refused."""
-        held = data.get(key, {})
-        if not isinstance(held, dict):
+        mapping = data.get(key, {})
+        if not isinstance(mapping, dict):
             return Incomplete()
-        sound = {name: refused.without(value, (key, name)) for name, value in held.items()}
+        sound = {name: refused.without(value, (key, name)) for name, value in mapping.items()}
         kind = list if isinstance(unknown, list) else dict
-        return {name: one if isinstance(one, kind) else unknown for name, one in sound.items()}
+        return {
+            name: value if isinstance(value, kind) else unknown for name, value in sound.items()
+        }
 
     swarm, cameras = named("swarm", Incomplete()), named("cameras", Incomplete())
     if not swarm:
@@ -194,24 +200,24 @@ def sound_parts(
     defaulted = ("rate", "seed", "plugin_strikes", "collisions")
     keys = (*PARTS, *defaulted, "limits", "safety", "reserve", "name", "world")
     sound = {key: refused.without(data[key], (key,)) for key in keys if key in data}
-    sound = {key: held for key, held in sound.items() if held is not None}
+    sound = {key: value for key, value in sound.items() if value is not None}
     sound |= {"swarm": swarm, "cameras": cameras, "groups": named("groups", [])}
     for kind in PARTS:
         sound[kind] = _choice(sound.get(kind))
     properties = schema["properties"]
     for key in ("limits", "safety", "reserve"):
-        given = sound.get(key, Incomplete() if key in data else {})
-        filled = isinstance(given, Incomplete) or (key == "reserve" and not given)
-        sound[key] = given if filled else fill_defaults(given, properties[key], schema["$defs"])
+        value = sound.get(key, Incomplete() if key in data else {})
+        filled = isinstance(value, Incomplete) or (key == "reserve" and not value)
+        sound[key] = value if filled else fill_defaults(value, properties[key], schema["$defs"])
     defaults = {key: properties[key]["default"] for key in defaulted}
     return defaults | sound
 
 
-def _choice(given: Any) -> dict[str, Any]:
+def _choice(choice: Any) -> dict[str, Any]:
     """Return the choice of a plugin, ``name`` or ``{use: name}``, as a map."""
-    if isinstance(given, str):
-        return {"use": given}
-    return given if isinstance(given, dict) and "use" in given else Incomplete(use=UNKNOWN)
+    if isinstance(choice, str):
+        return {"use": choice}
+    return choice if isinstance(choice, dict) and "use" in choice else Incomplete(use=UNKNOWN)
 
 
 def scene(folder: Path, data: Mapping[str, Any], world: World | None) -> Scene:
@@ -239,21 +245,21 @@ def scene(folder: Path, data: Mapping[str, Any], world: World | None) -> Scene:
 def agents(data: Mapping[str, Any]) -> tuple[Agent, ...]:
     """Return the agents of a mission, in the order of its ``swarm``."""
     cameras = {
-        name: Camera() if isinstance(given, Incomplete) else _camera(given)
-        for name, given in data.get("cameras", {}).items()
+        name: Camera() if isinstance(options, Incomplete) else _camera(options)
+        for name, options in data.get("cameras", {}).items()
     }
     return tuple(
         Agent(
             name=name,
-            start=world_loader.point(given.get("start", UNKNOWN_START)),
-            yaw=math.radians(given.get("yaw_deg", 0.0)),
-            uri=given.get("uri"),
+            start=world_loader.point(options.get("start", UNKNOWN_START)),
+            yaw=math.radians(options.get("yaw_deg", 0.0)),
+            uri=options.get("uri"),
             camera=cameras.get(
-                given.get("camera"),
-                Camera() if "camera" in given or isinstance(given, Incomplete) else None,
+                options.get("camera"),
+                Camera() if "camera" in options or isinstance(options, Incomplete) else None,
             ),
         )
-        for name, given in data["swarm"].items()
+        for name, options in data["swarm"].items()
     )
 
 
@@ -271,13 +277,13 @@ def uncertain_groups(written: Mapping[str, Any], data: Mapping[str, Any]) -> set
     if not isinstance(written.get("groups", {}), dict):
         return None
     agents = {*data["swarm"]}
-    return {name for name, held in data["groups"].items() if not held or {*held} - agents}
+    return {name for name, members in data["groups"].items() if not members or {*members} - agents}
 
 
-def _camera(given: Mapping[str, Any]) -> Camera:
+def _camera(options: Mapping[str, Any]) -> Camera:
     values: dict[str, Any] = {
         name.removesuffix("_deg"): math.radians(value) if name.endswith("_deg") else value
-        for name, value in given.items()
+        for name, value in options.items()
     }
     for name in values.keys() & {"matrix", "distortion", "position"}:
         values[name] = tuple(map(float, values[name]))

@@ -64,8 +64,8 @@ def read_fitting(path: Path, kind: str, schema: Mapping[str, Any], registry: Reg
     """Read a file as `read_as` does, for another schema than that of its kind."""
     document = read(path)
     require_kind(document, kind, registry)
-    if found := problems(document, schema):
-        raise InputError(found)
+    if errors := problems(document, schema):
+        raise InputError(errors)
     return document
 
 
@@ -106,7 +106,7 @@ def compose_steps(offers: Mapping[str, Mapping[str, MissionSpec]]) -> dict[str, 
 def problems(
     document: Document, schema: Mapping[str, Any], *, parameters: bool = False
 ) -> list[str]:
-    """Return every mistake in `document` as one line with its place, in the order of the file.
+    """Return every mistake in `document` as one line with its location, in the order of the file.
 
     The list is empty if there is none.
 
@@ -134,9 +134,9 @@ def faults(
 
 
 def located(document: Document, faults: Iterable[Fault]) -> list[str]:
-    """Return mistakes as one line each with its place, in the order of the file."""
+    """Return mistakes as one line each with its location, in the order of the file."""
     return document.in_order(
-        document.problem(one.path, one.message, one.code, key=one.key) for one in faults
+        document.problem(fault.path, fault.message, fault.code, key=fault.key) for fault in faults
     )
 
 
@@ -193,10 +193,10 @@ class Refused:
         if path in self._paths:
             return _REFUSED
         if isinstance(value, dict):
-            inner = {key: self._without(one, (*path, key)) for key, one in value.items()}
-            sound = {key: one for key, one in inner.items() if one is not _REFUSED}
+            inner = {key: self._without(item, (*path, key)) for key, item in value.items()}
+            sound = {key: item for key, item in inner.items() if item is not _REFUSED}
             broken = len(sound) < len(inner) or path in self._lacking
-            broken = broken or any(isinstance(one, Incomplete) for one in sound.values())
+            broken = broken or any(isinstance(item, Incomplete) for item in sound.values())
             return Incomplete(sound) if broken else sound
         if isinstance(value, list):
             items = [self._without(item, (*path, i)) for i, item in enumerate(value)]
@@ -223,15 +223,15 @@ def _depends(error: ValidationError) -> bool:
 def _within(value: Any) -> Iterator[Any]:
     """Yield every value in a list or a map, and in those."""
     inner = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
-    for one in inner:
-        yield one
-        yield from _within(one)
+    for item in inner:
+        yield item
+        yield from _within(item)
 
 
 def _of_camera() -> dict[str, Any]:
     """Return what a camera has, be it in a mission or in a file of its own."""
     properties: dict[str, Any] = load("camera")["properties"]
-    return {name: held for name, held in properties.items() if name not in {"star", "name"}}
+    return {name: rules for name, rules in properties.items() if name not in {"star", "name"}}
 
 
 @cache
@@ -247,10 +247,12 @@ def validator() -> type[Validator]:
     def is_whole(_checker: object, value: object) -> bool:
         return isinstance(value, int) and not isinstance(value, bool)
 
-    def pattern(_validator: object, wanted: str, value: object, _schema: object) -> Iterator[Any]:
-        to_the_end = re.sub(r"(?<!\\)((?:\\\\)*)\$$", r"\1\\Z", wanted)
+    def pattern(
+        _validator: object, expression: str, value: object, _schema: object
+    ) -> Iterator[Any]:
+        to_the_end = re.sub(r"(?<!\\)((?:\\\\)*)\$$", r"\1\\Z", expression)
         if isinstance(value, str) and not re.search(to_the_end, value):
-            yield ValidationError(f"{value!r} does not match {wanted!r}")
+            yield ValidationError(f"{value!r} does not match {expression!r}")
 
     checker = Draft202012Validator.TYPE_CHECKER.redefine("integer", is_whole)
     return extend(Draft202012Validator, {"pattern": pattern}, type_checker=checker)  # type: ignore[no-any-return, no-untyped-call]
@@ -270,15 +272,15 @@ def _put_verbs(
 
 def _referred_to(schema: Any, definitions: Mapping[str, Any]) -> dict[str, Any]:
     """Return those definitions that a schema refers to, itself or by way of others."""
-    found: dict[str, Any] = {}
+    referred: dict[str, Any] = {}
     waiting = [schema]
     while waiting:
         for holder in references(waiting.pop()):
             name = unquote(holder["$ref"].split("/")[2])
-            if name not in found:
-                found[name] = definitions[name]
-                waiting.append(found[name])
-    return found
+            if name not in referred:
+                referred[name] = definitions[name]
+                waiting.append(referred[name])
+    return referred
 
 
 def _part(made: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
@@ -292,8 +294,8 @@ def _part(made: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
             "required": ["use"],
             "properties": {"use": {"const": name}},
         }
-        given = {**options, "properties": {"use": True, **options["properties"]}}
-        rules.append({"if": used, "then": given})
+        with_use = {**options, "properties": {"use": True, **options["properties"]}}
+        rules.append({"if": used, "then": with_use})
         if options.get("required"):
             needs = {"type": "object", "required": options["required"]}
             rules.append({"if": {"const": name}, "then": needs})

@@ -51,12 +51,12 @@ class Fault(NamedTuple):
 
 def explain(errors: Iterable[ValidationError], data: Any) -> Iterator[Fault]:
     """Yield what is wrong with `data`, one fault for each mistake."""
-    found = [Breach.of(error) for error in errors]
-    mistyped = {breach.path for breach in found if breach.keyword == "type"}
-    beside = {breach.path: _beside(breach) for breach in found if _is_step(breach.path)}
-    for breach in found:
+    breaches = [Breach.of(error) for error in errors]
+    mistyped = {breach.path for breach in breaches if breach.keyword == "type"}
+    beside = {breach.path: _beside(breach) for breach in breaches if _is_step(breach.path)}
+    for breach in breaches:
         if options := beside.get(breach.path):  # what else is wrong with this step follows from it
-            verb = next(key for key in breach.value if key in breach.known)
+            verb = next(key for key in breach.value if key in breach.possible_keys)
             for key in options:
                 message = f"option {key!r} stands beside its verb {verb!r}; indent it further"
                 yield Fault((*breach.path, key), message, "misplaced-key", key=True)
@@ -76,7 +76,7 @@ def _explain(breach: Breach, data: Any) -> Iterator[Fault]:
     elif keyword == "additionalProperties":
         yield from (_unknown(breach, key, data) for key in _unmatched(breach))
     elif keyword == "required":
-        for name in breach.wanted:
+        for name in breach.operand:
             if name not in value:
                 message = _about(path, data, _missing(name, breach))
                 yield Fault(path, message, "missing-option", key=True, lacks=True)
@@ -85,8 +85,8 @@ def _explain(breach: Breach, data: Any) -> Iterator[Fault]:
     elif keyword == "type" and "errorMessage" in breach.rules:
         whole = path[:-1] if isinstance(path[-1], int) else path  # what is so of every item
         yield Fault(whole, _about(whole, data, breach.rules["errorMessage"]), "wrong-type")
-    elif own := _own(breach):
-        yield Fault(path, *own)
+    elif specific := _specific(breach):
+        yield Fault(path, *specific)
     else:
         code = CODES.get(keyword, "invalid-option")
         yield Fault(path, _about(path, data, general(breach), value), code)
@@ -136,7 +136,7 @@ def _missing(name: str, breach: Breach) -> str:
         return "missing key 'use'; write {use: name of a plugin, ...}"
     if not path and name == "star":
         return "missing key 'star'; write `star: 1` first"
-    installed = breach.known.get(name, {}).get("examples", ()) if name in PARTS else ()
+    installed = breach.possible_keys.get(name, {}).get("examples", ()) if name in PARTS else ()
     hint = f"; installed: {', '.join(map(str, installed))}" if installed else ""
     return f"missing {_noun(path)} {name!r}{hint}"
 
@@ -145,22 +145,24 @@ def _unmatched(breach: Breach) -> Iterator[str]:
     """Yield the keys that are not known."""
     patterns = breach.rules.get("patternProperties", {})
     for key in breach.value:
-        if key not in breach.known and not any(re.search(one, key) for one in patterns):
+        if key not in breach.possible_keys and not any(
+            re.search(pattern, key) for pattern in patterns
+        ):
             yield key
 
 
 def _unknown(breach: Breach, key: str, data: Any) -> Fault:
     """Return the fault of a key that is not known."""
-    path, known = breach.path, breach.known
+    path, possible = breach.path, breach.possible_keys
     word, colon, _ = re.sub(r" *[{\[]", ":", key).partition(":")
     split = f"; put a space after the colon of {word!r}" if key[len(word) :][:1] == ":" else ""
     split = split or f"; put a colon after {word!r}"
     if _is_step(path):
-        hint = split if colon and word in known else suggestion(key, known, "expected one of")
+        hint = split if colon and word in possible else suggestion(key, possible, "expected one of")
         return Fault((*path, key), f"unknown verb {show(key)}{hint}", "unknown-verb", key=True)
-    names = [name for name in known if name != "use"]
+    names = [name for name in possible if name != "use"]
     free = [name for name in names if name not in breach.value]
-    if colon and word in known:
+    if colon and word in possible:
         hint = split
     elif not path and _MEANT.get(key) in free:
         hint = f"; did you mean {_MEANT[key]!r}?"
@@ -174,54 +176,56 @@ def _unknown(breach: Breach, key: str, data: Any) -> Fault:
 
 def _beside(breach: Breach) -> list[str]:
     """Return the keys of a step that are options of its only verb and should stand inside it."""
-    given, known = breach.value, breach.known
-    verbs = [key for key in given if key in known] if isinstance(given, dict) else []
+    value, possible = breach.value, breach.possible_keys
+    verbs = [key for key in value if key in possible] if isinstance(value, dict) else []
     if len(verbs) != 1:
         return []
-    options = known[verbs[0]].get("properties", {})
-    others = [key for key in given if key not in verbs]
+    options = possible[verbs[0]].get("properties", {})
+    others = [key for key in value if key not in verbs]
     return others if all(key in options for key in others) else []
 
 
-def _own(breach: Breach) -> tuple[str, str] | None:
+def _specific(breach: Breach) -> tuple[str, str] | None:
     """Return what is wrong with what only missions have, and its code; None for anything else."""
     path, keyword = breach.path, breach.keyword
     if _is_step(path):
         return _no_step(breach), "invalid-step"
     if keyword == "type" and _is_step(path[:-1]) and breach.value is None:
         return _empty_verb(breach), "invalid-step"
-    if keyword == "type" and _is_step(path[:-1]) and breach.wanted == "object":
+    if keyword == "type" and _is_step(path[:-1]) and breach.operand == "object":
         return _no_options(breach), "invalid-step"
     if keyword in {"enum", "type"} and path[:1] and path[0] in PARTS and path[1:] in {(), ("use",)}:
         return _choice(breach)
     if keyword == "const" and path == ("star",):
-        text = f"this version reads `star: {breach.wanted}`, this file is of {show(breach.value)}"
+        text = f"this version reads `star: {breach.operand}`, this file is of {show(breach.value)}"
         return text, "unsupported-version"
     return None
 
 
 def _no_step(breach: Breach) -> str:
     """Return why something is no step."""
-    given, known = breach.value, breach.known
-    if given is None:
+    value, possible = breach.value, breach.possible_keys
+    if value is None:
         return "an empty step, expected a verb such as `land: {}`"
-    if given == {}:
-        return f"a step has one verb, this one has none{suggestion('', known, 'expected one of')}"
-    if isinstance(given, dict):
-        named = ", ".join(show(verb) for verb in given)
+    if value == {}:
         return (
-            f"a step has one verb, this one has {len(given)}: {named}; write each as its own step"
+            f"a step has one verb, this one has none{suggestion('', possible, 'expected one of')}"
         )
-    if isinstance(given, str) and given in known:
-        return f"a step is a map; write it `{given}: {{}}`"
-    meant = suggestion(given, known) if isinstance(given, str) else ""
-    return f"{what(given)}, expected a step such as `land: {{}}`{meant}"
+    if isinstance(value, dict):
+        named = ", ".join(show(verb) for verb in value)
+        return (
+            f"a step has one verb, this one has {len(value)}: {named}; write each as its own step"
+        )
+    if isinstance(value, str) and value in possible:
+        return f"a step is a map; write it `{value}: {{}}`"
+    meant = suggestion(value, possible) if isinstance(value, str) else ""
+    return f"{what(value)}, expected a step such as `land: {{}}`{meant}"
 
 
 def _empty_verb(breach: Breach) -> str:
     """Return what should follow a verb."""
     verb = breach.path[-1]
-    if breach.wanted == "array":
+    if breach.operand == "array":
         return f"{verb}: nothing follows, expected a list of steps"
     needs = ", ".join(f"{name}: ..." for name in breach.rules.get("required", ()))
     return f"{verb}: nothing follows; write it `{verb}: {{{needs}}}`"
@@ -229,27 +233,27 @@ def _empty_verb(breach: Breach) -> str:
 
 def _no_options(breach: Breach) -> str:
     """Return what should follow a verb in place of a value: the option that it may be for."""
-    verb, given = breach.path[-1], breach.value
+    verb, value = breach.path[-1], breach.value
     example: Mapping[str, Any] = next(iter(breach.rules.get("examples", ())), {})
     option = next(iter(example), "")
-    if type(example.get(option)) is type(given):
-        example = {option: given}
-    message = f"{verb}: {what(given)}, expected a map"
+    if type(example.get(option)) is type(value):
+        example = {option: value}
+    message = f"{verb}: {what(value)}, expected a map"
     return f"{message}; write it `{verb}: {text}`" if (text := short_flow(example)) else message
 
 
 def _choice(breach: Breach) -> tuple[str, str]:
     """Return what is wrong with the choice of a plugin, and its code."""
-    kind, given = breach.path[0], breach.value
-    if breach.keyword == "enum" and isinstance(given, str):
-        known = suggestion(given, breach.wanted, "installed") or "; none is installed"
-        return f"no {kind} named {show(given)}{known}", "unknown-plugin"
+    kind, value = breach.path[0], breach.value
+    if breach.keyword == "enum" and isinstance(value, str):
+        hint = suggestion(value, breach.operand, "installed") or "; none is installed"
+        return f"no {kind} named {show(value)}{hint}", "unknown-plugin"
     if breach.keyword == "enum":
-        text = f"{kind}: {what(given)}, expected a name{suggestion('', breach.wanted)}"
-    elif isinstance(given, str):
+        text = f"{kind}: {what(value)}, expected a name{suggestion('', breach.operand)}"
+    elif isinstance(value, str):
         needs = ", ".join(f"{name}: ..." for name in breach.rules.get("required", ()))
-        text = f"{kind} {given!r} has options that must be given; write {{use: {given}, {needs}}}"
+        text = f"{kind} {value!r} has options that must be given; write {{use: {value}, {needs}}}"
         return text, "missing-option"
     else:
-        text = f"{kind}: {what(given)}, expected a name or {{use: name, ...}}"
+        text = f"{kind}: {what(value)}, expected a name or {{use: name, ...}}"
     return text, "wrong-type"

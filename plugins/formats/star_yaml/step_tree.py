@@ -23,9 +23,9 @@ Groups: TypeAlias = Mapping[str, tuple[int, ...]]
 """Rows by the name of an agent or a group, or ``all``."""
 
 
-def rows_of(given: str | list[str], groups: Groups) -> tuple[int, ...]:
+def rows_of(selection: str | list[str], groups: Groups) -> tuple[int, ...]:
     """Return the rows of a step's ``agents``, each once, in the order of the swarm."""
-    names = [given] if isinstance(given, str) else given
+    names = [selection] if isinstance(selection, str) else selection
     return tuple(sorted({row for name in names for row in groups.get(name, ())}))
 
 
@@ -62,41 +62,41 @@ class StepBuilder:
         """Return the steps of the mission."""
         return self._steps(self._document.data.get("mission"), ("mission",), self._groups)
 
-    def _steps(self, given: Any, path: Location, groups: Groups) -> tuple[Node, ...]:
-        if not isinstance(given, list) or path in self._refused:
+    def _steps(self, items: Any, path: Location, groups: Groups) -> tuple[Node, ...]:
+        if not isinstance(items, list) or path in self._refused:
             return ()
-        return tuple(self._step(step, (*path, i), groups) for i, step in enumerate(given))
+        return tuple(self._step(step, (*path, i), groups) for i, step in enumerate(items))
 
     def _step(self, step: Any, path: Location, groups: Groups) -> Node:
         legible = isinstance(step, dict) and path not in self._refused
         verbs = [verb for verb in step if (*path, verb) not in self._refused] if legible else []
         if len(verbs) != 1:
             return self._unknown(path)
-        verb, given, at = verbs[0], step[verbs[0]], (*path, verbs[0])
+        verb, content, at = verbs[0], step[verbs[0]], (*path, verbs[0])
         if verb == "parallel":
-            branches = self._steps(given, at, groups)
+            branches = self._steps(content, at, groups)
             return Parallel(branches, at) if branches else self._unknown(path)
-        if not isinstance(given, dict) or verb == "include":  # which could not be read
+        if not isinstance(content, dict) or verb == "include":  # which could not be read
             return self._unknown(path)
-        options = {key: one for key, one in given.items() if key != "steps"}
+        options = {key: value for key, value in content.items() if key != "steps"}
         options = self._refused.without(options, at)
         if verb == "repeat":
-            inner = self._steps(given.get("steps"), (*at, "steps"), groups)
+            inner = self._steps(content.get("steps"), (*at, "steps"), groups)
             return Repeat(options.get("times", 1), inner, at) if inner else self._unknown(path)
-        known = not isinstance(options, Incomplete) and len(step) == 1
-        rows, named = self._rows(options, at, groups, known=known)
-        known = known and named
+        is_known = not isinstance(options, Incomplete) and len(step) == 1
+        rows, named = self._rows(options, at, groups, is_known=is_known)
+        is_known = is_known and named
         if verb == "each":
-            return self._each(given, path, rows if known else ())
+            return self._each(content, path, rows if is_known else ())
         action = self._action(verb, options, path, rows)
         if verb == JOIN and "agents" not in options and "each" not in path:
             self._report(at, f"{verb}: missing option 'agents'", "missing-option")
-        return action if known else replace(action, known=False)
+        return action if is_known else replace(action, known=False)
 
-    def _each(self, given: Mapping[str, Any], path: Location, rows: tuple[int, ...]) -> Node:
+    def _each(self, content: Mapping[str, Any], path: Location, rows: tuple[int, ...]) -> Node:
         at = (*path, "each")
         sequences = [
-            Repeat(1, self._steps(given.get("steps"), (*at, "steps"), {"all": (row,)}), at)
+            Repeat(1, self._steps(content.get("steps"), (*at, "steps"), {"all": (row,)}), at)
             for row in rows
         ]
         if not sequences or not sequences[0].steps:
@@ -106,28 +106,28 @@ class StepBuilder:
     def _action(
         self, verb: str, options: Mapping[str, Any], path: Location, rows: tuple[int, ...]
     ) -> Action:
-        known, source = True, Source("")
-        own = {key: value for key, value in options.items() if key not in SHARED}
+        is_known, source = True, Source("")
+        values = {key: value for key, value in options.items() if key not in SHARED}
         try:
             task = self._registry.find("task", verb)
-            source, own = task.source, fill_defaults(own, task.offer.options)
+            source, values = task.source, fill_defaults(values, task.offer.options)
         except PluginError as error:
             self._report((*path, verb), error.message, error.code)
-            known = False
+            is_known = False
         until: Any = options.get("until")
         clear = isinstance(until, dict) and not isinstance(until, Incomplete)
         return Action(
             verb=verb,
             source=source,
             rows=rows,
-            options=own,
+            options=values,
             until=conditions.parse(until) if clear else None,
             timeout=options.get("timeout"),
             on_failure=options.get("on_failure", "abort"),
             location=self._document.place(path),
             included_from=self._included_from(path),
             path=path,
-            known=known,
+            known=is_known,
             written=options,
         )
 
@@ -143,11 +143,11 @@ class StepBuilder:
         return tuple(str(a) for a, b in pairwise(marks) if a.line and a.source != b.source)
 
     def _rows(
-        self, options: Mapping[str, Any], at: Location, groups: Groups, *, known: bool
+        self, options: Mapping[str, Any], at: Location, groups: Groups, *, is_known: bool
     ) -> tuple[tuple[int, ...], bool]:
         """Return the rows of a step's ``agents``, and whether these are all of them."""
-        given = options.get("agents", "all" if known else [])
-        if "each" in at[:-1] and given and "agents" in options:
+        selection = options.get("agents", "all" if is_known else [])
+        if "each" in at[:-1] and selection and "agents" in options:
             self._report(
                 (*at, "agents"),
                 "a step of 'each' is for every agent by itself; name the agents in 'each'",
@@ -155,12 +155,12 @@ class StepBuilder:
             )
             return (), False
         complete = True
-        for i, name in enumerate([given] if isinstance(given, str) else given):
+        for i, name in enumerate([selection] if isinstance(selection, str) else selection):
             if name not in groups and self._uncertain is not None:
-                here = ("agents",) if isinstance(given, str) else ("agents", i)
-                self._report((*at, *here), _no_agent(name, groups), "unknown-agent")
+                item_path = ("agents",) if isinstance(selection, str) else ("agents", i)
+                self._report((*at, *item_path), _no_agent(name, groups), "unknown-agent")
             complete = complete and name in groups and name not in (self._uncertain or ())
-        return rows_of(given, groups), complete
+        return rows_of(selection, groups), complete
 
     def _report(self, path: Location, message: str, code: str) -> None:
         self.problems.append(Problem(path, message, code))

@@ -35,7 +35,9 @@ def world(document: SourceFile) -> World:
     made = World(
         name=data["name"],
         fence=Fence(low=point(data["fence"]["low"]), high=point(data["fence"]["high"])),
-        obstacles=tuple(obstacle(name, given) for name, given in data.get("obstacles", {}).items()),
+        obstacles=tuple(
+            obstacle(name, options) for name, options in data.get("obstacles", {}).items()
+        ),
         landmarks=tuple(tag for _, tag in _sheets(data, "landmarks")),
         targets=tuple(tag for _, tag in _sheets(data, "targets")),
     )
@@ -44,25 +46,25 @@ def world(document: SourceFile) -> World:
     return made
 
 
-def point(given: Sequence[float]) -> Point:
+def point(coordinates: Sequence[float]) -> Point:
     """Return three numbers as a point."""
-    x, y, z = given
+    x, y, z = coordinates
     return float(x), float(y), float(z)
 
 
 def _sheets(data: Mapping[str, Any], kind: str) -> Iterator[tuple[tuple[str | int, ...], Tag]]:
-    """Every tag of the landmarks or of the targets, with the place of its number in the file."""
-    for name, given in data.get(kind, {}).items():
+    """Every tag of the landmarks or of the targets, with the location of its number in the file."""
+    for name, sheet in data.get(kind, {}).items():
         rotation = turned(
-            *(math.radians(given.get(f"{angle}_deg", 0.0)) for angle in ("roll", "pitch", "yaw"))
+            *(math.radians(sheet.get(f"{angle}_deg", 0.0)) for angle in ("roll", "pitch", "yaw"))
         )
-        size = float(given.get("size", TAG_SIZE))
-        spacing = given.get("spacing", TAG_RIM * size)
-        middle = (len(given["tags"]) - 1) / 2
-        row = [((i - middle) * spacing, 0.0) for i in range(len(given["tags"]))]
-        x, y, z = given["at"]
+        size = float(sheet.get("size", TAG_SIZE))
+        spacing = sheet.get("spacing", TAG_RIM * size)
+        middle = (len(sheet["tags"]) - 1) / 2
+        row = [((i - middle) * spacing, 0.0) for i in range(len(sheet["tags"]))]
+        x, y, z = sheet["at"]
         for i, (number, (right, up)) in enumerate(
-            zip(given["tags"], given.get("offsets", row), strict=False)
+            zip(sheet["tags"], sheet.get("offsets", row), strict=False)
         ):
             dx, dy, dz = moved(rotation, (right, up, 0.0))
             at = (x + dx, y + dy, z + dz)
@@ -81,23 +83,23 @@ def _fence(data: Mapping[str, Any]) -> Iterator[Problem]:
 def _obstacles(data: Mapping[str, Any]) -> Iterator[Problem]:
     empty = any(_fence(data))
     fence = None if empty else Fence(point(data["fence"]["low"]), point(data["fence"]["high"]))
-    for name, given in data.get("obstacles", {}).items():
-        for one in obstacle_faults(given, fence):
-            text = f"obstacle {name!r} {one.message}"
-            yield Problem(("obstacles", name, *one.path), text, one.code)
+    for name, options in data.get("obstacles", {}).items():
+        for problem in obstacle_faults(options, fence):
+            text = f"obstacle {name!r} {problem.message}"
+            yield Problem(("obstacles", name, *problem.path), text, problem.code)
 
 
 def _offsets(data: Mapping[str, Any]) -> Iterator[Problem]:
     for kind in ("landmarks", "targets"):
-        for name, given in data.get(kind, {}).items():
-            n, m = len(given.get("offsets", given["tags"])), len(given["tags"])
+        for name, sheet in data.get(kind, {}).items():
+            n, m = len(sheet.get("offsets", sheet["tags"])), len(sheet["tags"])
             if n != m:
                 yield Problem(
                     (kind, name, "offsets"),
                     f"{kind[:-1]} {name!r} has {n} offsets for {m} tags, expected one each",
                     "wrong-length",
                 )
-            if "offsets" in given and "spacing" in given:
+            if "offsets" in sheet and "spacing" in sheet:
                 yield Problem(
                     (kind, name, "spacing"),
                     f"{kind[:-1]} {name!r}: 'spacing' does not go with 'offsets'",
@@ -133,65 +135,65 @@ def _deep(obstacle: Obstacle, at: Point) -> bool:
 
 
 def _tags(data: Mapping[str, Any]) -> Iterator[Problem]:
-    """Tags that cannot be told apart: of one number, or one over the other."""
-    known: dict[int, tuple[tuple[str | int, ...], Tag]] = {}
+    """Tags that cannot be distinguished: of one number, or one over the other."""
+    by_id: dict[int, tuple[tuple[str | int, ...], Tag]] = {}
     for path, tag in (*_sheets(data, "landmarks"), *_sheets(data, "targets")):
-        if tag.id in known:
-            of = known[tag.id][1].of
+        if tag.id in by_id:
+            of = by_id[tag.id][1].of
             message = f"tag {tag.id} belongs to {of!r} already; give each its own number"
             yield Problem(path, message, "duplicate-tag")
         else:
-            known[tag.id] = path, tag
-    for (_, first), (path, second) in combinations(known.values(), 2):
+            by_id[tag.id] = path, tag
+    for (_, first), (path, second) in combinations(by_id.values(), 2):
         if math.dist(first.position, second.position) < (first.size + second.size) / 2:
             message = f"tag {second.id} overlaps tag {first.id} of {first.of!r}"
             yield Problem(path, message, "overlapping-tags")
 
 
-def obstacle(name: str, given: Mapping[str, Any]) -> Obstacle:
+def obstacle(name: str, options: Mapping[str, Any]) -> Obstacle:
     """Return an obstacle that fits the schema of worlds and has no fault."""
-    foot, top = given["height"]
-    return Obstacle(name, _pieces(given), (float(foot), float(top)))
+    foot, top = options["height"]
+    return Obstacle(name, _pieces(options), (float(foot), float(top)))
 
 
-def obstacle_faults(given: Mapping[str, Any], fence: Fence | None) -> Iterator[Problem]:
+def obstacle_faults(options: Mapping[str, Any], fence: Fence | None) -> Iterator[Problem]:
     """Yield what is wrong with an obstacle that fits the schema, and the keys that lead there.
 
     Args:
-        given: As the world file has it.
+        options: As the world file has it.
         fence: An obstacle that is nowhere inside of it is wrong; None to leave that out.
     """
-    foot, top = given["height"]
+    foot, top = options["height"]
     if foot >= top:
         message = f"has its foot at {foot!r} m, not below its top at {top!r} m"
         yield Problem(("height",), message, "empty-range")
-    if "polygon" in given:
-        fault = outline_fault(_corners(given["polygon"]))
-    elif any(a == b for a, b in pairwise(given.get("polyline", ()))):
+    if "polygon" in options:
+        fault = outline_fault(_corners(options["polygon"]))
+    elif any(a == b for a, b in pairwise(options.get("polyline", ()))):
         fault = "has the same point twice in a row"
     else:
         fault = None
     if fault:
         yield Problem((), fault, "invalid-outline")
-    elif fence and all(_apart(piece, (foot, top), fence) for piece in _pieces(given)):
+    elif fence and all(_apart(piece, (foot, top), fence) for piece in _pieces(options)):
         message = "is outside the fence; no agent can come near it"
         yield Problem((), message, "outside-geofence")
 
 
-def _pieces(given: Mapping[str, Any]) -> tuple[tuple[Corner, ...], ...]:
+def _pieces(options: Mapping[str, Any]) -> tuple[tuple[Corner, ...], ...]:
     """The polygons of an obstacle."""
-    if "polyline" in given:
-        return wall(_corners(given["polyline"]), given["thickness"])
-    if "box" in given:
-        form = given["box"]
+    if "polyline" in options:
+        return wall(_corners(options["polyline"]), options["thickness"])
+    if "box" in options:
+        form = options["box"]
         return (box(form["centre"], form["size"], math.radians(form.get("yaw_deg", 0.0))),)
-    if "cylinder" in given:
-        return (around_circle(given["cylinder"]["centre"], given["cylinder"]["radius"]),)
-    return (_corners(given["polygon"]),)
+    if "cylinder" in options:
+        return (around_circle(options["cylinder"]["centre"], options["cylinder"]["radius"]),)
+    return (_corners(options["polygon"]),)
 
 
-def _corners(given: list[list[float]]) -> tuple[Corner, ...]:
-    return tuple((x, y) for x, y in given)
+def _corners(points: list[list[float]]) -> tuple[Corner, ...]:
+    return tuple((x, y) for x, y in points)
 
 
 def _apart(piece: tuple[Corner, ...], height: tuple[float, float], fence: Fence) -> bool:

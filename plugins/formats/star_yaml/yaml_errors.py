@@ -67,8 +67,8 @@ def explain(error: MarkedYAMLError, text: str) -> tuple[int, int, str]:
     )
     stop = _Stop(str(error.problem), str(error.context), at, begun, lines)
     for kind in (_by_words, _in_quotes, _character, _no_space, _colon, _bracket, _indentation):
-        if (found := kind(stop)) is not None:
-            point, message = found
+        if (answer := kind(stop)) is not None:
+            point, message = answer
             break
     else:
         point = at
@@ -112,8 +112,8 @@ def _by_words(stop: _Stop) -> _Answer:
     }.items():
         if words in stop.problem:
             return stop.at, message
-    if found := re.search("undefined alias '(.*)'", stop.problem):
-        return stop.at, f"alias '*{found[1]}' is refused; write the value out"
+    if match := re.search("undefined alias '(.*)'", stop.problem):
+        return stop.at, f"alias '*{match[1]}' is refused; write the value out"
     if "cannot start any token" in stop.problem and stop.at.column < len(line):
         return stop.at, f"text cannot begin with {line[stop.at.column]!r}; put it in quotes"
     return None
@@ -139,17 +139,17 @@ def _character(stop: _Stop) -> _Answer:
 
 def _no_space(stop: _Stop) -> _Answer:
     for number in dict.fromkeys((stop.begun.line, stop.at.line)):
-        if found := _NO_SPACE.fullmatch(_bare(stop.lines[number])):
-            text = f"put a space after the colon: `{found['key']}: {found['value']}`"
-            return _Point(number, found.end("key")), text
+        if match := _NO_SPACE.fullmatch(_bare(stop.lines[number])):
+            text = f"put a space after the colon: `{match['key']}: {match['value']}`"
+            return _Point(number, match.end("key")), text
     return None
 
 
 def _colon(stop: _Stop) -> _Answer:
     """Explain a colon that is missing, or is where none can stand."""
     at, lines = stop.at, stop.lines
-    if found := _NO_COLON.match(_bare(lines[at.line])):
-        return _Point(at.line, found.end("key")), f"put a colon after {found['key']!r}"
+    if match := _NO_COLON.match(_bare(lines[at.line])):
+        return _Point(at.line, match.end("key")), f"put a colon after {match['key']!r}"
     if "expected ':'" in stop.problem:
         return stop.begun, _no_colon(lines[stop.begun.line])
     if "mapping values are not allowed" not in stop.problem:
@@ -157,16 +157,16 @@ def _colon(stop: _Stop) -> _Answer:
     above = _line_above(at.line, lines)
     if re.search(r":\s", lines[at.line][: at.column]) or above is None:
         return at, "a second ': ' on this line; put the text after the first in quotes"
-    here, there = _indent(lines[at.line]), _indent(lines[above])
+    indent, indent_above = _indent(lines[at.line]), _indent(lines[above])
     if not re.search(r":(\s|$)", _content(lines[above])):
-        return _Point(above, there), _no_colon(lines[above])
-    spaces = f"this line is indented by {here}, line {above + 1} by {there}"
+        return _Point(above, indent_above), _no_colon(lines[above])
+    spaces = f"this line is indented by {indent}, line {above + 1} by {indent_above}"
     return at, f"{spaces}, which has a value already; indent both alike"
 
 
 def _bare(line: str) -> str:
     """Return a line without its comment, and with an x for each character in quotes."""
-    unquoted = re.sub(r"\"[^\"]*\"|'[^']*'", lambda found: "x" * len(found[0]), line)
+    unquoted = re.sub(r"\"[^\"]*\"|'[^']*'", lambda match: "x" * len(match[0]), line)
     return re.sub(r"(^|\s)#.*", "", unquoted)
 
 
@@ -202,23 +202,23 @@ def _indentation(stop: _Stop) -> _Answer:
     above = _line_above(at.line, lines)
     if not ended or above is None or lines[at.line][: at.column].strip(" -"):
         return None
-    here, there = _indent(lines[at.line]), _indent(lines[above])
+    indent, indent_above = _indent(lines[at.line]), _indent(lines[above])
     listed = _is_item(lines[at.line])
-    if listed != _is_item(lines[above]) and here >= there:
+    if listed != _is_item(lines[above]) and indent >= indent_above:
         kinds = ("an item of a list", "a key") if listed else ("a key", "an item of a list")
-        if here == there:
+        if indent == indent_above:
             text = f"this is {kinds[0]}, line {above + 1} is {kinds[1]}; write both alike"
         else:
-            text = f"this line is indented by {here}, but line {above + 1} is complete without it"
+            text = f"this line is indented by {indent}, but line {above + 1} is complete without it"
         return at, text
     _, _, i = min(
-        (abs(_indent(line) - here), at.line - i, i)
+        (abs(_indent(line) - indent), at.line - i, i)
         for i, line in enumerate(lines[: at.line])
         if not _BLANK.fullmatch(line) and (_is_item(line) == listed or i == above)
     )
-    wanted = "the items of a list" if listed else "keys that belong together"
-    spaces = f"this line is indented by {here}, line {i + 1} by {_indent(lines[i])}"
-    return at, f"{spaces}; {wanted} begin in the same column"
+    expected = "the items of a list" if listed else "keys that belong together"
+    spaces = f"this line is indented by {indent}, line {i + 1} by {_indent(lines[i])}"
+    return at, f"{spaces}; {expected} begin in the same column"
 
 
 def _is_item(line: str) -> bool:
@@ -229,14 +229,14 @@ def _bracket(stop: _Stop) -> _Answer:
     at, lines = stop.at, stop.lines
     stack = _open(at, lines)
     line = lines[at.line]
-    here = line[at.column : at.column + 1]
-    if here and here in CLOSING.values():
+    character = line[at.column : at.column + 1]
+    if character and character in CLOSING.values():
         if not stack:
-            return at, f"'{here}' closes nothing; remove it"
+            return at, f"'{character}' closes nothing; remove it"
         opened, bracket = stack[-1]
-        if CLOSING[bracket] != here:
+        if CLOSING[bracket] != character:
             what = f"'{bracket}' is open since {opened}"
-            return at, f"{what}; expected '{CLOSING[bracket]}' before this '{here}'"
+            return at, f"{what}; expected '{CLOSING[bracket]}' before this '{character}'"
     if not stack:
         return None
     opened, bracket = stack[-1]

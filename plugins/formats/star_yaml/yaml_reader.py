@@ -146,7 +146,7 @@ class _Reader:
     def _map(self, node: Node, depth: int) -> dict[str, Value]:
         from ruamel.yaml.nodes import ScalarNode
 
-        found: dict[str, Value] = {}
+        entries: dict[str, Value] = {}
         for inner, value in node.value:
             mark = self._mark(inner)
             if not isinstance(inner, ScalarNode):
@@ -159,15 +159,15 @@ class _Reader:
                 hint = "; a decimal has a point" if isinstance(name, int | float) else ""
                 quoted = f"put it in quotes: '{inner.value}'"
                 self._refuse(mark, f"key {name!r} is not a string; {quoted}{hint}")
-            elif name in found:
-                first = found[name].key
+            elif name in entries:
+                first = entries[name].key
                 self._refuse(
                     mark,
                     f"key {name!r} is already there at line {first.line}, column {first.column};"
                     " keep one of the two",
                 )
-            found[str(name)] = self.value(value, mark, depth + 1)
-        return found
+            entries[str(name)] = self.value(value, mark, depth + 1)
+        return entries
 
     def _scalar(self, node: Any, mark: Mark) -> str | float | bool | None:
         text, kind = str(node.value), _kind(node)
@@ -180,10 +180,8 @@ class _Reader:
                 return int(text)
             if _FLOAT.fullmatch(text) and math.isfinite(float(text)):
                 return float(text)
-            wanted = "is not a plain, finite decimal number"
-            self._refuse(
-                mark, f"{_cut(text)} {wanted}; write it as one, or in quotes if it is text"
-            )
+            fault = "is not a plain, finite decimal number"
+            self._refuse(mark, f"{_cut(text)} {fault}; write it as one, or in quotes if it is text")
         elif kind == "timestamp" and not self._text_keys:
             self._refuse(mark, f"{_cut(text)} is a date; put it in quotes")
         elif kind not in {"timestamp", "merge"}:

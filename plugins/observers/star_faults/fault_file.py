@@ -30,19 +30,19 @@ def read_faults(path: Path, scene: Scene, registry: Registry) -> tuple[Fault, ..
         InputError: The file cannot be read, or has agents or landmarks that the scene has not.
     """
     document = read_as(path, "faults", registry)
-    if found := document.located(_problems(document, scene)):
-        raise InputError(found)
+    if problems := document.located(_problems(document, scene)):
+        raise InputError(problems)
     return faults_of(document.data["faults"], scene)
 
 
-def faults_of(given: list[Mapping[str, Any]], scene: Scene) -> tuple[Fault, ...]:
+def faults_of(entries: list[Mapping[str, Any]], scene: Scene) -> tuple[Fault, ...]:
     """Return the faults of a flight from the list of a fault file; it has no mistakes."""
     import numpy as np
 
     rules = json.loads(SCHEMA.read_text(encoding="utf-8"))["$defs"]["fault"]
     groups = scene.rows_by_name
     made: list[Fault] = []
-    for number, keys in enumerate(given):
+    for number, keys in enumerate(entries):
         values = fill_defaults(keys, rules)
         at, names = values.pop("at"), values.pop("agents", "all")
         names = [names] if isinstance(names, str) else names
@@ -72,9 +72,11 @@ def check(document: SourceFile, registry: Registry) -> str:
         path = inside(folder.parent, f"{folder.name}/{document.data['mission']}")
         mission = load(path, registry)
     except InputError as error:
-        raise InputError([document.problem(("mission",), one) for one in error.problems]) from None
-    if found := document.located(_problems(document, mission.scene)):
-        raise InputError(found)
+        raise InputError(
+            [document.problem(("mission",), message) for message in error.problems]
+        ) from None
+    if problems := document.located(_problems(document, mission.scene)):
+        raise InputError(problems)
     return f"{words} into {mission.name!r}"
 
 
@@ -89,15 +91,15 @@ def _repaired(fault: Fault, repairs: list[Fault]) -> Fault:
 
 def _problems(document: SourceFile, scene: Scene) -> Iterator[Problem]:
     """Yield the agents and landmarks that a scene has not."""
-    known = {
+    references = {
         "agents": ("agent", [*scene.rows_by_name], "unknown-agent"),
         "tags": ("landmark", sorted({tag.of for tag in scene.world.landmarks}), "unknown-landmark"),
     }
     for number, fault in enumerate(document.data["faults"]):
-        for key, (noun, names, code) in known.items():
-            given = fault.get(key, ())
-            for i, name in enumerate([given] if isinstance(given, str) else given):
+        for key, (noun, names, code) in references.items():
+            value = fault.get(key, ())
+            for i, name in enumerate([value] if isinstance(value, str) else value):
                 if name not in names:
-                    path = ("faults", number, key, *(() if isinstance(given, str) else (i,)))
+                    path = ("faults", number, key, *(() if isinstance(value, str) else (i,)))
                     hint = suggestion(name, names, "there are", MAX_LISTED)
                     yield Problem(path, f"no {noun} named {name!r}{hint}", code)

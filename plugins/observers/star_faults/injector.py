@@ -44,7 +44,9 @@ class FaultInjector:
         self._scene = scene
         self.faults = faults
         self._file = file
-        self._randoms = [np.random.default_rng([scene.seed, _STREAM, one.number]) for one in faults]
+        self._randoms = [
+            np.random.default_rng([scene.seed, _STREAM, fault.number]) for fault in faults
+        ]
         self._now = 0.0
         self._active: list[tuple[int, ...]] = [()] * len(faults)
         self._report = Operator().report
@@ -79,8 +81,8 @@ class FaultInjector:
     def _wrapped(self, kind: str) -> Offers:
         offers = yield
         if kind != "transport" and not self._of("plugin", plugin=kind):
-            return [list(own) for own in offers]
-        return [[self._with_faults(kind, offer) for offer in own] for own in offers]
+            return [list(group) for group in offers]
+        return [[self._with_faults(kind, offer) for offer in group] for group in offers]
 
     def _with_faults(self, kind: str, offer: Any) -> Any:
         def make(scene: Scene, *arguments: Any, **options: Any) -> Any:
@@ -121,28 +123,28 @@ class FaultInjector:
             raise PluginError("only `star fleet` simulates faults of firmware")
         if inner:
             transport.inject(inner)
-        reports = [ReportFaults(*one, self._scene) for one in self._of("telemetry", "link")]
-        reports += [ReportFaults(*one, self._scene) for one in self._of("battery", "camera")]
-        sends = [SendFaults(*one, self._scene) for one in self._of("link")]
+        reports = [ReportFaults(*target, self._scene) for target in self._of("telemetry", "link")]
+        reports += [ReportFaults(*target, self._scene) for target in self._of("battery", "camera")]
+        sends = [SendFaults(*target, self._scene) for target in self._of("link")]
         self._spoil_calls(transport, "receive", "transport")
         wait, receive = transport.wait, transport.receive
 
         def waited(until: float) -> float:
             self._now = wait(until)
-            for one in sends:
-                one.deliver(self._now)
+            for fault in sends:
+                fault.deliver(self._now)
             return self._now
 
         def received() -> Any:
             self._begin_and_end()
             telemetry = receive()
-            for one in reports:
-                telemetry = one.report(telemetry, self._now)
+            for fault in reports:
+                telemetry = fault.report(telemetry, self._now)
             return telemetry
 
         transport.wait, transport.receive = waited, received
-        for one in sends:
-            transport.send, transport.command = one.wrap(transport.send, transport.command)
+        for fault in sends:
+            transport.send, transport.command = fault.wrap(transport.send, transport.command)
 
     def _begin_and_end(self) -> None:
         """Report which faults begin and end, and stop the program if that is one."""
@@ -163,8 +165,8 @@ class FaultInjector:
             self._scene.agents
         )
         kind = fault.values.get("plugin", "") if fault.component == "plugin" else ""
-        whose = "" if general else f" of {self._scene.named(rows)}"
-        text = f"fault: {fault.component} {kind}".rstrip() + f"{whose}: {state}"
+        agents = "" if general else f" of {self._scene.named(rows)}"
+        text = f"fault: {fault.component} {kind}".rstrip() + f"{agents}: {state}"
         details = {"component": fault.component, "mode": state, "agents": names}
         self._report("fault", text, names[0] if len(names) == 1 else None, details)
 

@@ -74,7 +74,7 @@ class ReportFaults:
             odometry=self._arrived("odometry", telemetry.odometry, active, fresh, now),
             frames=self._arrived("frames", telemetry.frames, active, fresh, now),
             detections=self._arrived("detections", telemetry.detections, active, fresh, now),
-            refusals=tuple(one for one in telemetry.refusals if fresh[one.agent]),
+            refusals=tuple(refusal for refusal in telemetry.refusals if fresh[refusal.agent]),
         )
 
     def _arrived(self, name: str, table: Any, active: Mask, fresh: Mask, now: float) -> Any:
@@ -82,12 +82,12 @@ class ReportFaults:
         if self._fault.mode != "delayed":
             return kept(table, fresh[table.agent])
         late = self._late.setdefault(name, [])
-        held = active[table.agent]
-        if held.any():
-            late.append((now + self._fault.values["delay"], kept(table, held)))
+        delayed = active[table.agent]
+        if delayed.any():
+            late.append((now + self._fault.values["delay"], kept(table, delayed)))
         due = [rows for time, rows in late if time <= now]
-        late[:] = [one for one in late if one[0] > now]
-        return joined([*due, kept(table, ~held)])
+        late[:] = [entry for entry in late if entry[0] > now]
+        return joined([*due, kept(table, ~delayed)])
 
     def _garbage(self, telemetry: Telemetry, active: Mask) -> Telemetry:
         """Return telemetry with NaN or random numbers."""
@@ -210,12 +210,12 @@ class SendFaults:
             send(replace(shown, active=shown.active & fresh))
             return setpoint
 
-        def commanded(given: Command) -> None:
-            held = self._passing.active(self._now)[given.agent]
-            if (~held).any():
-                command(kept_command(given, ~held))
-            if held.any() and self._fault.mode != "off":
-                self._waiting.append((self._now + self._delay(), kept_command(given, held)))
+        def commanded(request: Command) -> None:
+            affected = self._passing.active(self._now)[request.agent]
+            if (~affected).any():
+                command(kept_command(request, ~affected))
+            if affected.any() and self._fault.mode != "off":
+                self._waiting.append((self._now + self._delay(), kept_command(request, affected)))
 
         return sent, commanded
 
@@ -223,7 +223,7 @@ class SendFaults:
         """Deliver the commands that arrive by a mission time, s."""
         self._now = now
         due = [command for time, command in self._waiting if time <= now]
-        self._waiting = [one for one in self._waiting if one[0] > now]
+        self._waiting = [entry for entry in self._waiting if entry[0] > now]
         for command in due:
             self._command(command)
 

@@ -83,11 +83,11 @@ def select(mask: Mask, first: Any, second: Any) -> Any:
     """
     changes: dict[str, Any] = {}
     for name in (field.name for field in fields(first)):
-        one, other = getattr(first, name), getattr(second, name)
-        if isinstance(one, Transform | Setpoint | Goals) and other is not None:
-            changes[name] = select(mask, one, other)
-        elif isinstance(one, np.ndarray) and other is not None:
-            changes[name] = np.where(mask.reshape(-1, *[1] * (one.ndim - 1)), one, other)
+        value, alternative = getattr(first, name), getattr(second, name)
+        if isinstance(value, Transform | Setpoint | Goals) and alternative is not None:
+            changes[name] = select(mask, value, alternative)
+        elif isinstance(value, np.ndarray) and alternative is not None:
+            changes[name] = np.where(mask.reshape(-1, *[1] * (value.ndim - 1)), value, alternative)
     return replace(first, **changes)
 
 
@@ -99,7 +99,7 @@ def kept(table: Any, mask: Mask) -> Any:
         **{
             name: column[mask]
             if isinstance(column, np.ndarray)
-            else tuple(one for one, keep in zip(column, mask, strict=True) if keep)
+            else tuple(item for item, keep in zip(column, mask, strict=True) if keep)
             for name, column in columns.items()
         },
     )

@@ -78,20 +78,20 @@ class Deadlocks:
         self.waits += int((stuck & ~self._waits).sum())
         self._waits = (self._waits | stuck) & ~better
         if stuck.any():
-            wanted = tick.plan.setpoint.velocity
+            planned = tick.plan.setpoint.velocity
             near = Pairs.of(tick.estimate.position, WAITING_DISTANCE)
-            stuck &= ~waiting(near, tick.estimate.position, wanted, progressing)
+            stuck &= ~waiting(near, tick.estimate.position, planned, progressing)
         self.count += int((stuck & ~self._deadlocked).sum())
         self._deadlocked = (self._deadlocked | stuck) & ~better
 
 
-def waiting(near: Pairs, position: Array, wanted: Array, progressing: Mask) -> Mask:
+def waiting(near: Pairs, position: Array, velocity: Array, progressing: Mask) -> Mask:
     """Return (N,) which agents progress, or wait (transitively) for one that does.
 
     Args:
         near: Pairs of agents that can wait for each other.
         position: (N, 3) of the agents, m.
-        wanted: (N, 3) planned velocities, m/s.
+        velocity: (N, 3) planned velocities, m/s.
         progressing: (N,) which agents progress.
 
     Example:
@@ -104,7 +104,7 @@ def waiting(near: Pairs, position: Array, wanted: Array, progressing: Mask) -> M
     """
     first, second = near.first, near.second
     waits, ahead = np.concatenate([first, second]), np.concatenate([second, first])
-    towards = np.vecdot(position[ahead] - position[waits], wanted[waits]) > 0
+    towards = np.vecdot(position[ahead] - position[waits], velocity[waits]) > 0
     waits, ahead = waits[towards], ahead[towards]
     answer = progressing.copy()
     while (more := answer[ahead] & ~answer[waits]).any():

@@ -31,20 +31,22 @@ class PathLengths:
         if self._last is not None:
             step = position - self._last
             length = np.sqrt(np.vecdot(step, step))
-            known = np.isfinite(length)
-            every = np.count_nonzero(known) == len(known)
-            self._length += length if every else np.where(known, length, 0.0)
+            finite = np.isfinite(length)
+            every = np.count_nonzero(finite) == len(finite)
+            self._length += length if every else np.where(finite, length, 0.0)
         if np.count_nonzero(self._located) < len(self._located):
             self._located |= np.isfinite(position).all(axis=1)
         self._last = position
 
     def summary(self) -> dict[str, Any]:
         """Return the lengths in total and for each agent, m; None if unknown."""
-        known = np.full(len(self._names), fill_value=True) if self._last is None else self._located
+        has_length = (
+            np.full(len(self._names), fill_value=True) if self._last is None else self._located
+        )
         return {
-            "total": float(self._length.sum()) if known.any() else None,
+            "total": float(self._length.sum()) if has_length.any() else None,
             "per_agent": {
                 name: float(length) if located else None
-                for name, length, located in zip(self._names, self._length, known, strict=True)
+                for name, length, located in zip(self._names, self._length, has_length, strict=True)
             },
         }

@@ -91,10 +91,10 @@ class PositionErrors:
             return
         offset, covariance = (np.concatenate(column) for column in zip(*self._offsets, strict=True))
         self._offsets.clear()
-        known = np.isfinite(offset.sum(axis=1) + covariance.sum(axis=(1, 2)))
-        known &= np.linalg.det(covariance) > 0
-        if known.any():
-            offset = offset[known][..., None]
-            squares = offset.transpose(0, 2, 1) @ np.linalg.solve(covariance[known], offset)
+        usable = np.isfinite(offset.sum(axis=1) + covariance.sum(axis=(1, 2)))
+        usable &= np.linalg.det(covariance) > 0
+        if usable.any():
+            offset = offset[usable][..., None]
+            squares = offset.transpose(0, 2, 1) @ np.linalg.solve(covariance[usable], offset)
             self._nees += float(squares.sum()) / 3
-            self._normalized += int(known.sum())
+            self._normalized += int(usable.sum())

@@ -80,8 +80,8 @@ class Recorder:
             row[name] = np.full(shape, np.nan) if value is None else value
             if value is not None:
                 self._unknown.discard(name)
-        if len((found := tick.detections).tag):
-            self._detections.append(found)
+        if len((detections := tick.detections).tag):
+            self._detections.append(detections)
         if self._save_frames:
             self._save_images(tick.telemetry.frames)
         if not self._full:
@@ -152,9 +152,11 @@ class Recorder:
                 planned["agent"] = planned["agent"].astype(np.int64)
                 np.savez_compressed(self._folder / "paths.npz", **planned)
         if self._detections:
-            found = Detections.merged(self._detections)
-            seen: dict[str, Any] = {one.name: getattr(found, one.name) for one in fields(found)}
-            np.savez_compressed(self._folder / "detections.npz", **seen)
+            detections = Detections.merged(self._detections)
+            arrays: dict[str, Any] = {
+                field.name: getattr(detections, field.name) for field in fields(detections)
+            }
+            np.savez_compressed(self._folder / "detections.npz", **arrays)
 
     @contextmanager
     def _reporting(self) -> Iterator[None]:
@@ -165,14 +167,16 @@ class Recorder:
             self._lost.append(f"{error.filename or self._folder}: {error.strerror or error}")
             raise
 
-    def _write_targets(self, found: Sequence[Mapping[str, Any]]) -> None:
+    def _write_targets(self, targets: Sequence[Mapping[str, Any]]) -> None:
         """Write ``targets.csv``: one line for each found target."""
         with (self._folder / "targets.csv").open("w", encoding="utf-8", newline="") as file:
             lines = csv.writer(file)
             lines.writerow(["target", "finder", "time_s", "x_m", "y_m", "z_m", "error_m"])
-            for one in found:
-                position = [f"{value:.4f}" for value in (*one["position_m"], one["error_m"])]
-                lines.writerow([one["name"], one["finder"], f"{one['time_s']:.3f}", *position])
+            for target in targets:
+                position = [f"{value:.4f}" for value in (*target["position_m"], target["error_m"])]
+                lines.writerow(
+                    [target["name"], target["finder"], f"{target['time_s']:.3f}", *position]
+                )
 
     def _write(self, name: str, content: Mapping[str, Any]) -> None:
         text = json.dumps(content, indent=2, allow_nan=False)

@@ -62,8 +62,8 @@ class Approach:
         """
         self._before = goals
 
-    def target(self, here: Array) -> Array:
-        """Return (K, 3) positions to fly to, m, for agents at `here` (K, 3), m."""
+    def target(self, position: Array) -> Array:
+        """Return (K, 3) positions to fly to, m, for agents at `position` (K, 3), m."""
         raise NotImplementedError
 
     def begin(self, estimate: Estimate, health: Health) -> float:
@@ -92,13 +92,13 @@ class Approach:
         if self._target is not None or not self.agents.located(estimate):
             return
         rows = self.agents.rows
-        here = estimate.position[rows]
+        position = estimate.position[rows]
         if self._before is not None:
             goal = self._before.position[rows]
-            error = np.linalg.norm(here - goal, axis=1)
+            error = np.linalg.norm(position - goal, axis=1)
             near = self._before.active[rows] & (error <= MAX_GOAL_ERROR)
-            here = np.where(near[:, None], goal, here)
-        self._target = self.target(here)
+            position = np.where(near[:, None], goal, position)
+        self._target = self.target(position)
         yaw = self._yaw_deg
         self._yaw = estimate.yaw[rows] if yaw is None else np.full(len(rows), math.radians(yaw))
         self.goals = self.agents.goals(self._target, self._yaw, self._speed)
@@ -157,11 +157,11 @@ class Goto(Approach):
         self._by = by
         self._spacing = spacing
 
-    def target(self, here: Array) -> Array:
+    def target(self, position: Array) -> Array:
         if self._to is None:
-            return here + np.array(self._by, np.float64)
-        targets = np.array(spread(len(here), self._to, self._spacing))
-        return targets[assign(here, targets)]
+            return position + np.array(self._by, np.float64)
+        targets = np.array(spread(len(position), self._to, self._spacing))
+        return targets[assign(position, targets)]
 
     def on_agent_replaced(self, old: int, new: int) -> None:
         self.agents.replace(old, new)

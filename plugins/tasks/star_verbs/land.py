@@ -86,9 +86,9 @@ class Leave(Approach):
         self._nearest = np.inf  # m: least distance from home of the agent farthest from its own
         self._nearer_since = 0.0  # s
 
-    def target(self, here: Array) -> Array:
+    def target(self, position: Array) -> Array:
         home = self._home[self.agents.rows].copy()
-        home[:, 2] = np.clip(here[:, 2], *self.agents.scene.limits.height)
+        home[:, 2] = np.clip(position[:, 2], *self.agents.scene.limits.height)
         return home
 
     def begin(self, estimate: Estimate, health: Health) -> float:

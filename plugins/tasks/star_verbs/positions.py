@@ -180,10 +180,10 @@ def changed(options: Mapping[str, Any], schema: Mapping[str, Any]) -> dict[str, 
     return {key: value for key, value in options.items() if value != rules[key].get("default")}
 
 
-def exactly_one(one: str, other: str, options: Mapping[str, Any]) -> Iterator[Problem]:
+def exactly_one(first: str, second: str, options: Mapping[str, Any]) -> Iterator[Problem]:
     """Check that exactly one of two options is given."""
-    if one not in options and other not in options:
-        yield Problem((), f"expected {one!r} or {other!r}", "missing-option")
-    elif one in options and other in options:
-        message = f"{other!r} does not go with {one!r}, expected one of them"
-        yield Problem((other,), message, "option-conflict")
+    if first not in options and second not in options:
+        yield Problem((), f"expected {first!r} or {second!r}", "missing-option")
+    elif first in options and second in options:
+        message = f"{second!r} does not go with {first!r}, expected one of them"
+        yield Problem((second,), message, "option-conflict")

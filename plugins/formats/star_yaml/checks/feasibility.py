@@ -188,15 +188,15 @@ class Room:
             if not step.known:  # where its agents are afterwards is not known
                 return
             spec = self.registry.find("task", step.verb).offer
-            here = [
+            climbing = [
                 row for row in step.rows
                 if row in standing and (row not in reserve or step.verb == JOIN)
             ]  # fmt: skip
             for _, height in self._climbing([step]):
-                for row in here:
+                for row in climbing:
                     yield from self._climb(step.path, row, height)
             if spec.after not in {"same", "ground"}:
-                standing.difference_update(here)
+                standing.difference_update(climbing)
 
     def _climbing(self, steps: Iterable[Action]) -> Iterator[tuple[Action, float]]:
         """Yield the steps that take agents from the ground to a height, and that height, m."""
@@ -231,12 +231,12 @@ class Room:
 
     def _radius(self) -> tuple[float, str]:
         """Return the radius that is kept free around an agent, m, and its name."""
-        given = self.data["avoider"]
-        if isinstance(given, Incomplete) and "radius" not in given:
+        options = self.data["avoider"]
+        if isinstance(options, Incomplete) and "radius" not in options:
             return 0.0, ""
-        radius = given.get("radius")
-        own = (CONTACT_RADIUS, "a drone's radius")
-        return own if radius is None else (radius, "avoider.radius")
+        radius = options.get("radius")
+        contact = (CONTACT_RADIUS, "a drone's radius")
+        return contact if radius is None else (radius, "avoider.radius")
 
     def _is_given(self, *path: str) -> bool:
         return self.document.get(path) is not None

@@ -36,8 +36,8 @@ class PluginChecks:
         self._registry = registry
         self._scene = scene
         self._planner = planner["use"]
-        self._planner_options = {key: one for key, one in planner.items() if key != "use"}
-        self._found: dict[str, list[Problem]] = {}
+        self._planner_options = {key: value for key, value in planner.items() if key != "use"}
+        self._problems: dict[str, list[Problem]] = {}
 
     def problems(
         self,
@@ -50,18 +50,18 @@ class PluginChecks:
         """Yield what is wrong with the options at `path`; a task's check is given its rows."""
         if not self.enabled:
             return
-        asked = repr((kind, name, rows, options))
-        if asked not in self._found:
-            found, wrong = self._call(
+        request = repr((kind, name, rows, options))
+        if request not in self._problems:
+            problems, wrong = self._call(
                 kind, name, "check", (self._scene, *rows), options, _is_problem, "Problem"
             )
-            if kind == "task" and not found and not wrong:
-                found, wrong = self._goal_problems(name, options, *rows)
-            self._found[asked] = [*found, *wrong]
-        for one in self._found[asked]:
-            yield one._replace(path=(*path, *one.path))
+            if kind == "task" and not problems and not wrong:
+                problems, wrong = self._goal_problems(name, options, *rows)
+            self._problems[request] = [*problems, *wrong]
+        for problem in self._problems[request]:
+            yield problem._replace(path=(*path, *problem.path))
 
-    def held(self, step: Action) -> tuple[tuple[str, Any], ...]:
+    def exclusive_resource(self, step: Action) -> tuple[tuple[str, Any], ...]:
         """Return the exclusive resource that a step holds."""
         return held(self._registry.find("task", step.verb).offer, step.written)
 
@@ -86,15 +86,18 @@ class PluginChecks:
         ]
         free = [i for i, fault in enumerate(faults) if fault is None]
         refused, wrong = self._refused([goals[i].position for i in free])
-        for one in refused:
-            index = int(one.path[0])
+        for refusal in refused:
+            index = int(refusal.path[0])
             x, y, z = goals[free[index]].position
-            faults[free[index]] = f"goal [{x:g}, {y:g}, {z:g}] {one.message}", "unreachable-goal"
-        found: dict[Location, dict[str, tuple[str, str]]] = {}  # by path, the first of each label
+            faults[free[index]] = (
+                f"goal [{x:g}, {y:g}, {z:g}] {refusal.message}",
+                "unreachable-goal",
+            )
+        by_path: dict[Location, dict[str, tuple[str, str]]] = {}  # by path, the first of each label
         for goal, fault in zip(goals, faults, strict=True):
             if fault is not None:
-                found.setdefault(goal.path, {}).setdefault(goal.label, fault)
-        return [_first(path, by_label) for path, by_label in found.items()], wrong
+                by_path.setdefault(goal.path, {}).setdefault(goal.label, fault)
+        return [_first(path, by_label) for path, by_label in by_path.items()], wrong
 
     def _refused(self, goals: list[tuple[float, float, float]]) -> _Answer:
         """Return which goals the planner refuses, by their indices."""
@@ -107,7 +110,7 @@ class PluginChecks:
             "check_goals",
             (self._scene, goals),
             self._planner_options,
-            lambda one: _is_problem(one) and one.path in indices,
+            lambda answer: _is_problem(answer) and answer.path in indices,
             "Problem with the index of a goal",
         )
 
@@ -133,27 +136,27 @@ class PluginChecks:
             expected: What that is, in words.
         """
         try:
-            found = self._registry.find(kind, name)
+            plugin = self._registry.find(kind, name)
         except PluginError as error:
             return [], [Problem((), error.message, error.code)]
-        call = getattr(found.offer, function)
+        call = getattr(plugin.offer, function)
         if call is None:
             return [], []
         try:
             answer = list(call(*arguments, **options))
         except (Exception, SystemExit) as error:  # noqa: BLE001 -- whatever it may raise
-            return [], [_broken(found, kind, function, f"raised {error!r}", "plugin-failed")]
-        return [one for one in answer if sound(one)], [
-            _broken(found, kind, function, f"yields {one!r}, expected {expected}")
-            for one in answer
-            if not sound(one)
+            return [], [_broken(plugin, kind, function, f"raised {error!r}", "plugin-failed")]
+        return [value for value in answer if sound(value)], [
+            _broken(plugin, kind, function, f"yields {value!r}, expected {expected}")
+            for value in answer
+            if not sound(value)
         ]
 
 
 def _broken(
-    found: Found, kind: str, function: str, what: str, code: str = "contract-broken"
+    plugin: Found, kind: str, function: str, what: str, code: str = "contract-broken"
 ) -> Problem:
-    text = f"the {function} of {kind} {found.offer.name!r} ({found.source}) {what}"
+    text = f"the {function} of {kind} {plugin.offer.name!r} ({plugin.source}) {what}"
     return Problem((), text, code)
 
 

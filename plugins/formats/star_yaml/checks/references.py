@@ -67,7 +67,7 @@ def of_mission(
         if isinstance(node, Parallel):
             if not node.each:
                 yield from _shared(node, scene)
-            yield from _held_twice(node, plugins)
+            yield from _resource_conflicts(node, plugins)
     if (reserve := _reserve_rows(data, scene)) is not None:
         yield from airborne_problems(steps, scene, reserve, registry)
         yield from room.climbs(actions(steps), reserve)
@@ -119,12 +119,12 @@ def _is_each(node: Node) -> bool:
 
 
 def _cameras(document: Document, data: Mapping[str, Any]) -> Iterator[Problem]:
-    given = document.data.get("cameras", {})
-    known = dict.fromkeys([*data["cameras"], "aideck"])
+    inline = document.data.get("cameras", {})
+    names = dict.fromkeys([*data["cameras"], "aideck"])
     for name, agent in data["swarm"].items():
-        if "camera" in agent and agent["camera"] not in known and isinstance(given, dict):
+        if "camera" in agent and agent["camera"] not in names and isinstance(inline, dict):
             at = ("swarm", name, "camera")
-            yield _unknown(at, "camera", agent["camera"], known, "unknown-camera")
+            yield _unknown(at, "camera", agent["camera"], names, "unknown-camera")
     for name, camera in data["cameras"].items():
         if not isinstance(camera, Incomplete):
             for path, message in camera_faults(camera):
@@ -143,9 +143,9 @@ def _parts(data: Mapping[str, Any], plugins: PluginChecks) -> Iterator[Problem]:
 
 def _action(step: Action, scene: Scene, plugins: PluginChecks) -> Iterator[Problem]:
     if step.until is not None:
-        for one in conditions.until_problems(step.until, step.timeout, scene, step.rows):
-            if plugins.enabled or one.path[-1:] != ("found",):
-                yield one._replace(path=(*step.at, "until", *one.path))
+        for problem in conditions.until_problems(step.until, step.timeout, scene, step.rows):
+            if plugins.enabled or problem.path[-1:] != ("found",):
+                yield problem._replace(path=(*step.at, "until", *problem.path))
     yield from plugins.problems("task", step.verb, step.at, step.options, step.rows)
 
 
@@ -164,25 +164,25 @@ def _shared(node: Parallel, scene: Scene) -> Iterator[Problem]:
         taken |= rows
 
 
-def _held_twice(node: Parallel, plugins: PluginChecks) -> Iterator[Problem]:
+def _resource_conflicts(node: Parallel, plugins: PluginChecks) -> Iterator[Problem]:
     """Yield steps that begin at once and hold the same exclusive resource, such as a port."""
     taken = set()
     for step in actions([node], first=True):
-        held = plugins.held(step) if step.known else ()
-        if held and (step.verb, held) in taken:
-            what = ", ".join(f"{name} {value}" for name, value in held)
+        resource = plugins.exclusive_resource(step) if step.known else ()
+        if resource and (step.verb, resource) in taken:
+            what = ", ".join(f"{name} {value}" for name, value in resource)
             yield Problem(
-                (*step.at, held[-1][0]),
+                (*step.at, resource[-1][0]),
                 f"{step.verb}: another step that begins at the same time holds {what}; "
-                f"give each its own {held[-1][0]!r}",
+                f"give each its own {resource[-1][0]!r}",
                 "resource-conflict",
             )
-        taken.add((step.verb, held))
+        taken.add((step.verb, resource))
 
 
-def _unknown(path: Location, what: str, name: str, known: Iterable[str], code: str) -> Problem:
+def _unknown(path: Location, what: str, name: str, names: Iterable[str], code: str) -> Problem:
     """Return the problem of a name that nothing has."""
-    message = f"no {what} named {name!r}{suggestion(name, known, 'there are', MAX_LISTED)}"
+    message = f"no {what} named {name!r}{suggestion(name, names, 'there are', MAX_LISTED)}"
     return Problem(path, message, code)
 
 

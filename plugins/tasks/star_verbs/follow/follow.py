@@ -183,13 +183,17 @@ class Follow:
         if not self._agents.located(estimate):
             return
         reference = self._reference
-        start, here = reference.line.at(self._start)[0], estimate.position[self._agents.rows]
+        start, position = reference.line.at(self._start)[0], estimate.position[self._agents.rows]
         if reference.offset is None:
-            self._offset = here - start
+            self._offset = position - start
             self._fault = reference.fault([(x, y, z) for x, y, z in self._offset.tolist()])
         else:
-            mine = assign(here, start + self._offset)
-            start, self._start, self._offset = start[mine], self._start[mine], self._offset[mine]
+            assigned = assign(position, start + self._offset)
+            start, self._start, self._offset = (
+                start[assigned],
+                self._start[assigned],
+                self._offset[assigned],
+            )
         self._point = start + self._offset
         self._yaw = estimate.yaw[self._agents.rows]
         self._time = estimate.time

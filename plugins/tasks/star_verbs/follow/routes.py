@@ -122,10 +122,12 @@ def route(scene: Scene, agents: int, options: dict[str, Any]) -> Route:
     """
     if "file" in options:
         file = options["file"]
-        found = read_waypoints(scene.file(file), file)
+        waypoints = read_waypoints(scene.file(file), file)
         shifts = tuple(offsets(agents, options["spacing"]))
-        flown = length(found.point)
-        return Route(file, found.point, flown, (0.0,) * agents, shifts, found.yaw_deg, found.line)
+        flown = length(waypoints.point)
+        return Route(
+            file, waypoints.point, flown, (0.0,) * agents, shifts, waypoints.yaw_deg, waypoints.line
+        )
     name = options["path"]
     point = closed_path(name, options["size"], options["centre"], options.get("width"))
     lap = length(point)

@@ -109,25 +109,25 @@ def make(scene: Scene, rows: tuple[int, ...], **options: Any) -> Task:
 
 def check(scene: Scene, rows: tuple[int, ...], **options: Any) -> Iterator[Problem]:
     """Yield problems with these options."""
-    agents, given = len(rows), changed(options, OPTIONS)
+    agents, changes = len(rows), changed(options, OPTIONS)
     is_trajectory = options["format"] == "poly7"
-    if conflicts := list(_trajectory_conflicts(given) if is_trajectory else _conflicts(given)):
+    if conflicts := list(_trajectory_conflicts(changes) if is_trajectory else _conflicts(changes)):
         yield from conflicts
         return
     if not is_trajectory:
-        yield from speed_problems(scene, given)
+        yield from speed_problems(scene, changes)
     if not (is_trajectory and options["relative"]) and (
         too_close := list(spacing_problems(scene, agents, options))
     ):
         yield from too_close
         return
     try:
-        found = list((_trajectory_problems if is_trajectory else _route_problems)(
+        problems = list((_trajectory_problems if is_trajectory else _route_problems)(
             scene, agents, options
         ))  # fmt: skip
     except InputError as error:
-        found = [Problem(("file",), message, error.code) for message in error.problems]
-    yield from found
+        problems = [Problem(("file",), message, error.code) for message in error.problems]
+    yield from problems
 
 
 def goals(scene: Scene, rows: tuple[int, ...], **options: Any) -> Iterator[StepGoal]:
@@ -137,7 +137,7 @@ def goals(scene: Scene, rows: tuple[int, ...], **options: Any) -> Iterator[StepG
 
     key = "file" if "file" in options else "path"
     if options["format"] != "poly7":
-        found = routes.labelled_positions(routes.route(scene, len(rows), options))
+        labelled = routes.labelled_positions(routes.route(scene, len(rows), options))
     elif options["relative"]:
         return
     else:
@@ -145,8 +145,8 @@ def goals(scene: Scene, rows: tuple[int, ...], **options: Any) -> Iterator[StepG
         samples = trajectory.Samples.of(read_trajectory(scene.file(name), name))
         shifts = offsets(len(rows), options["spacing"])
         start_only = options["on_board"]  # not planned from there on
-        found = trajectory.labelled_positions(samples, shifts, name, start_only=start_only)
-    yield from (StepGoal((key,), position, label) for label, position in found)
+        labelled = trajectory.labelled_positions(samples, shifts, name, start_only=start_only)
+    yield from (StepGoal((key,), position, label) for label, position in labelled)
 
 
 SPEC: Final = TaskSpec(
@@ -161,31 +161,31 @@ SPEC: Final = TaskSpec(
 )
 
 
-def _conflicts(given: dict[str, Any]) -> Iterator[Problem]:
+def _conflicts(options: dict[str, Any]) -> Iterator[Problem]:
     """Check that the options go with waypoints, or with a named path."""
     for key in FOR_TRAJECTORIES:
-        if key in given:
+        if key in options:
             yield Problem((key,), f"{key!r} goes with 'format: poly7' only", "option-conflict")
-    if ("file" in given) is ("path" in given):
-        yield from exactly_one("file", "path", given)
-    elif "path" in given:
+    if ("file" in options) is ("path" in options):
+        yield from exactly_one("file", "path", options)
+    elif "path" in options:
         for key in ("size", "centre"):
-            if key not in given:
-                yield Problem((), f"path {given['path']!r} needs {key!r}", "missing-option")
+            if key not in options:
+                yield Problem((), f"path {options['path']!r} needs {key!r}", "missing-option")
     else:
         for key in FOR_PATHS:
-            if key in given:
+            if key in options:
                 message = f"{key!r} goes with 'path' only, not with 'file'"
                 yield Problem((key,), message, "option-conflict")
 
 
-def _trajectory_conflicts(given: dict[str, Any]) -> Iterator[Problem]:
+def _trajectory_conflicts(options: dict[str, Any]) -> Iterator[Problem]:
     """Check that the options go with a trajectory."""
-    for key in given:
+    for key in options:
         if key not in {"format", "file", "spacing", *FOR_TRAJECTORIES}:
             message = f"{key!r} does not go with 'format: poly7'"
             yield Problem((key,), message, "option-conflict")
-    if "file" not in given:
+    if "file" not in options:
         yield Problem((), "'format: poly7' needs 'file'", "missing-option")
 
 

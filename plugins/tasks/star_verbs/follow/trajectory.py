@@ -179,7 +179,7 @@ def limit_faults(scene: Scene, samples: Samples, timescale: float, file: str) ->
     change = limits.acceleration * scene.period  # m/s in a tick
     jump = _norm(np.diff(samples.velocity, axis=0, prepend=samples.velocity[:1]))
     jump[1:][np.diff(samples.line) == 0] = 0.0  # only where one piece ends and the next begins
-    found = (
+    quantities = (
         (_norm(samples.velocity), limits.speed, 1,
          "flies {:.2f} m/s, faster than limits.speed of {:g} m/s"),
         (_norm(samples.acceleration), limits.acceleration, 2,
@@ -187,9 +187,9 @@ def limit_faults(scene: Scene, samples: Samples, timescale: float, file: str) ->
         (jump, change, 1,
          "changes its velocity by {:.2f} m/s at once, more than {:g} m/s in a tick"),
     )  # fmt: skip
-    fit = max(float(values.max() / limit) ** (1 / power) for values, limit, power, _ in found)
+    fit = max(float(values.max() / limit) ** (1 / power) for values, limit, power, _ in quantities)
     slower = f"timescale: {math.ceil(fit * 100 - ROUNDING) / 100:g} would fit"
-    for values, limit, power, text in found:
+    for values, limit, power, text in quantities:
         flown = float(values.max()) / timescale**power
         if flown > limit * (1 + ROUNDING):
             where = samples.where(int(values.argmax()), file)

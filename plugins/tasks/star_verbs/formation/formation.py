@@ -64,23 +64,23 @@ class Formation:
         elapsed, self._time = estimate.time - self._time, estimate.time
         position = self._position + self._moved()
         lag = self._agents.max_distance(estimate, position)
-        there = self._agents.arrived(estimate, position, self._options["within"])
-        if there:
+        arrived = self._agents.arrived(estimate, position, self._options["within"])
+        if arrived:
             self._formed = min(self._formed, estimate.time)
-        held = estimate.time - self._formed >= self._options["for"] - DURATION_ERROR
-        pace = self._move_speed * lag_factor(lag, SLOW_LAG, STOP_LAG) if held else 0.0
-        over = held and self._flown >= self._shape.move_distance
+        formed = estimate.time - self._formed >= self._options["for"] - DURATION_ERROR
+        pace = self._move_speed * lag_factor(lag, SLOW_LAG, STOP_LAG) if formed else 0.0
+        over = formed and self._flown >= self._shape.move_distance
         self._flown = min(self._flown + pace * elapsed, self._shape.move_distance)
-        moving = held and self._flown < self._shape.move_distance
+        moving = formed and self._flown < self._shape.move_distance
         if moving:
             self._agents.depart()
         goals = self._agents.goals(
             self._position + self._moved(),
             self._yaw,
-            self._max_speed if held and self._shape.move_distance else self._speed,
+            self._max_speed if formed and self._shape.move_distance else self._speed,
             self._move * (pace / self._shape.move_distance) if moving else np.zeros(3),
         )
-        done = over and (there or not self._shape.move_distance)
+        done = over and (arrived or not self._shape.move_distance)
         return TaskOutput(goals, status=Status.SUCCESS if done else Status.RUNNING)
 
     def on_agents_removed(self, rows: tuple[int, ...]) -> None:

@@ -157,19 +157,19 @@ def _path(index: int, options: Mapping[str, Any]) -> tuple[str | int, ...]:
     return ("points", index) if options["shape"] == "points" else ("centre",)
 
 
-def _conflicts(given: Mapping[str, Any]) -> Iterator[Problem]:
+def _conflicts(options: Mapping[str, Any]) -> Iterator[Problem]:
     """Check options that exclude each other or the shape, and those it needs."""
-    name = given["shape"]
+    name = options["shape"]
     for key, shapes in SHAPES_WITH.items():
-        if key in given and name not in shapes:
-            listed = " or ".join(repr(one) for one in shapes)
+        if key in options and name not in shapes:
+            listed = " or ".join(repr(shape) for shape in shapes)
             message = f"{key!r} goes with shape {listed}, not with {name!r}"
             yield Problem((key,), message, "option-conflict")
-    if name == "circle" and "radius" in given and "spacing" in given:
+    if name == "circle" and "radius" in options and "spacing" in options:
         message = "'spacing' does not go with 'radius', expected one of them"
         yield Problem(("spacing",), message, "option-conflict")
     needed = "points" if name == "points" else "centre"
-    if needed not in given:
+    if needed not in options:
         yield Problem((), f"shape {name!r} needs {needed!r}", "missing-option")
 
 
@@ -202,8 +202,8 @@ def _distance_problems(
             yield Problem((key,), message, "too-close")
         return
     flat = limits.separation / limits.vertical_separation
-    for (i, one), (j, other) in combinations(enumerate(figure.position), 2):
-        aside, height = math.dist(one[:2], other[:2]), one[2] - other[2]
+    for (i, first), (j, second) in combinations(enumerate(figure.position), 2):
+        aside, height = math.dist(first[:2], second[:2]), first[2] - second[2]
         if math.hypot(aside, flat * height) < limits.separation - ROUNDING:
             above = f"; limits.vertical_separation, {limits.vertical_separation:g} m, in height"
             distance = math.hypot(aside, height)

@@ -186,15 +186,15 @@ def test_an_image_is_shown_with_its_own_tags_which_come_later() -> None:
         stream.add(0.1 * k, BLANK + np.uint8(k))
     picture = stream.picture()
     assert picture is not None
-    assert (picture.image[0, 0], len(picture.found.tag)) == (130, 0)
+    assert (picture.image[0, 0], len(picture.tags.tag)) == (130, 0)
     stream.add_tags(tags(7, time=0.1))
     picture = stream.picture()
     assert picture is not None
-    assert (picture.image[0, 0], picture.found.tag.tolist()) == (129, [7])
+    assert (picture.image[0, 0], picture.tags.tag.tolist()) == (129, [7])
     stream.add(0.9, BLANK)
     picture = stream.picture()
     assert picture is not None
-    assert (picture.image[0, 0], len(picture.found.tag)) == (128, 0)
+    assert (picture.image[0, 0], len(picture.tags.tag)) == (128, 0)
 
 
 def test_a_view_receives_the_detections_of_every_tick() -> None:
