@@ -32,7 +32,7 @@ from recorded_flights import ESTIMATE_LATENCY, FOLDER, Flight, read, rms
 from star_core import Agent, Array, Fence, Scene, World
 from star_sim import battery, ideal_world
 from star_sim.airframe import CYCLE
-from star_sim.drone import DEMAND, OFF, PLACE
+from star_sim.drone import DEMAND, OFF, POSITION
 from star_sim.transport import Simulator
 
 TENTHS = np.linspace(0.0, 1.0, len(battery.VOLTAGE_OF_CHARGE))
@@ -82,7 +82,7 @@ def replay(flight: Flight, controller: str, estimate: str) -> dict[str, Array]:
     for k in range(began, flight.counted.stop):
         wanted = data["setpoint"][k]
         if np.any(wanted != 0):
-            drone["mode"], drone["axes"] = DEMAND, PLACE
+            drone["mode"], drone["axes"] = DEMAND, POSITION
             drone["reference_position"] = wanted[:3] - (0.0, 0.0, flight.floor)
             drone["reference_yaw"] = np.radians(wanted[3])
         else:

@@ -94,14 +94,19 @@ class Orca:
         covariance, wish = estimate.covariance, np.array(wanted.velocity)
         radius, speed, gives_way, more = self._radius, self._speed, avoids, 0
         if np.count_nonzero(estimate.possible_travel):
-            seen, extended = with_possible_positions(
+            extended_estimate, extended = with_possible_positions(
                 replace(estimate, position=position, velocity=velocity), wanted, self._spacing
             )
-            more = len(seen.yaw) - n  # possible positions of silent agents
-            radius, speed = (np.append(one, one[:1].repeat(more)) for one in (radius, speed))
+            more = len(extended_estimate.yaw) - n  # possible positions of silent agents
+            radius, speed = (
+                np.append(column, column[:1].repeat(more)) for column in (radius, speed)
+            )
             gives_way = np.append(avoids, np.zeros(more, np.bool_))
-            position, velocity = np.array(seen.position), np.array(seen.velocity)
-            covariance, wish = seen.covariance, np.array(extended.velocity)
+            position, velocity = (
+                np.array(extended_estimate.position),
+                np.array(extended_estimate.velocity),
+            )
+            covariance, wish = extended_estimate.covariance, np.array(extended.velocity)
         deviations, obstacles = self._uncertainty_margin, self._outlines
         result = orca(  # arrays are writable and in C order: one set of types
             position,

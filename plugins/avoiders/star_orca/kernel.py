@@ -107,7 +107,7 @@ def orca(  # noqa: C901, PLR0913, PLR0917 -- numba takes plain arguments apart q
     rows = SIDES + most
     if edges is not None:
         most_edges = min(len(edges), MAX_EDGES)
-        seen = (np.empty(most_edges, np.int64), np.empty(most_edges))
+        edge_buffers = (np.empty(most_edges, np.int64), np.empty(most_edges))
         rows += most_edges
     planes, scratch = np.empty((rows, 3)), np.empty((rows, 3))
     answer = wish.copy()
@@ -122,7 +122,7 @@ def orca(  # noqa: C901, PLR0913, PLR0917 -- numba takes plain arguments apart q
         if edges is not None:
             hard = add_obstacles(
                 *(i, position, velocity, speed, hard_margin, edges, first, height),
-                *(obstacle_horizon, clearance, virtual, seen, planes, hard),
+                *(obstacle_horizon, clearance, virtual, edge_buffers, planes, hard),
             )
         half_planes(agents, me, neighbours, count, horizon, period, vertical, planes, hard)
         x, y, z = agents[me, WISH_X], agents[me, WISH_Y], agents[me, WISH_Z]

@@ -43,8 +43,8 @@ def solve(
     """
     failed, x, y = nearest_free(planes, count, speed, x, y)
     if failed < count:
-        held = hard if failed >= hard else 0
-        x, y = least_bad(planes, count, held, failed, speed, x, y, scratch)
+        kept_hard = hard if failed >= hard else 0
+        x, y = least_bad(planes, count, kept_hard, failed, speed, x, y, scratch)
     return x, y
 
 

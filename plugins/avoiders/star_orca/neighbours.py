@@ -124,10 +124,10 @@ def nearest(
     start: Rows,
     columns: int,
     limits: tuple[float, float, float],
-    found: Rows,
+    neighbours: Rows,
     distance: Array,
 ) -> int:
-    """Fill `found` with the nearest agents, nearest first, and return their number.
+    """Fill `neighbours` with the nearest agents, nearest first, and return their number.
 
     Agents that are out of range in height, and stay so as both climb or sink, are skipped.
 
@@ -139,12 +139,12 @@ def nearest(
         columns: Number of cells along x.
         limits: Greatest horizontal and vertical distance of a neighbour, m, and the time for which
             an agent must stay beyond the vertical distance to be skipped, s.
-        found: (K,) output: rows of the neighbours; at most K are searched.
+        neighbours: (K,) output: rows of the neighbours; at most K are searched.
         distance: (K,) output: their squared horizontal distances, m².
     """
     x, y, z, climb = agents[me, X], agents[me, Y], agents[me, Z], agents[me, CLIMB]
     reach, vertical, soon = limits[0] ** 2, limits[1], limits[2]
-    most, count = len(found), 0
+    most, count = len(neighbours), 0
     if most == 0:
         return 0
     rows = (len(start) - 1) // columns
@@ -163,11 +163,11 @@ def nearest(
             then = above + soon * (agents[other, CLIMB] - climb)
             if min(above, then) > vertical or max(above, then) < -vertical:
                 continue
-            place = count if count < most else most - 1
-            while place > 0 and squared < distance[place - 1]:
-                distance[place], found[place] = distance[place - 1], found[place - 1]
-                place -= 1
-            distance[place], found[place] = squared, other
+            index = count if count < most else most - 1
+            while index > 0 and squared < distance[index - 1]:
+                distance[index], neighbours[index] = distance[index - 1], neighbours[index - 1]
+                index -= 1
+            distance[index], neighbours[index] = squared, other
             if count < most:
                 count += 1
             if count == most:

@@ -38,7 +38,7 @@ def add_obstacles(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apar
     horizon: float,
     clearance: float,
     virtual: bool,  # noqa: FBT001 -- numba takes no keywords cheaply
-    seen: tuple[Rows, Array],
+    edge_buffers: tuple[Rows, Array],
     planes: Array,
     count: int,
 ) -> int:
@@ -58,7 +58,7 @@ def add_obstacles(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apar
         horizon: Time in which no agent shall hit an obstacle, s.
         clearance: Distance to keep to obstacles, m.
         virtual: Whether obstacles are virtual agents instead of RVO2's half-planes.
-        seen: Room for the rows of the nearest edges, and for their squared distances.
+        edge_buffers: Room for the rows of the nearest edges, and for their squared distances.
         planes: (H, 3) half-planes.
         count: Their number.
     """
@@ -73,16 +73,16 @@ def add_obstacles(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apar
     flight = (x, y, vx, vy)
     rate = 1.0 / horizon
     kept, reach = clearance, horizon * speed[i] + clearance + margin[i]
-    near = nearest_edges(edges, span, x, y, reach, seen)
+    near = nearest_edges(edges, span, x, y, reach, edge_buffers)
     if margin[i] > 0.0 and near > 0:
-        room_left = math.sqrt(seen[1][0]) - clearance
+        room_left = math.sqrt(edge_buffers[1][0]) - clearance
         firm = max(1.0 - horizon / YIELD_TIME, 0.0)
         kept += min(margin[i], firm * max(room_left, 0.0))
     for k in range(near):
         if virtual:
-            count = virtual_agent(edges, seen[0][k], flight, kept, rate, planes, count)
+            count = virtual_agent(edges, edge_buffers[0][k], flight, kept, rate, planes, count)
         else:
-            count = obstacle_plane(edges, seen[0][k], flight, kept, rate, planes, count)
+            count = obstacle_plane(edges, edge_buffers[0][k], flight, kept, rate, planes, count)
     return count
 
 
@@ -180,7 +180,7 @@ def _covered(
 
 @subroutine
 def _leg(
-    place: float,
+    end: float,
     off: float,
     size: float,
     juts: bool,  # noqa: FBT001 -- numba takes no keywords cheaply
@@ -190,7 +190,7 @@ def _leg(
     """Return the direction of one side of the cone, and whether the next edge handles it.
 
     Args:
-        place: End of the edge, measured outwards along it.
+        end: End of the edge, measured outwards along it.
         off: Distance of the agent from its line.
         size: Radius of the disc around the end.
         juts: Whether the corner is convex; a side that ends in a concave one follows the edge.
@@ -199,10 +199,10 @@ def _leg(
     """
     if not juts:
         return 1.0, 0.0, False
-    squared = place * place + off * off
+    squared = end * end + off * off
     tangent = math.sqrt(max(squared - size * size, 0.0))
-    s = (place * tangent + off * size) / squared
-    o = (place * size - off * tangent) / squared
+    s = (end * tangent + off * size) / squared
+    o = (end * size - off * tangent) / squared
     if s * onwards_out - o * onwards >= 0.0:
         return onwards, onwards_out, True
     return s, o, False
@@ -235,11 +235,11 @@ def _touch(
     )
     at_b = s > end and along_b < 0.0 and not corner
     if at_a or at_b:
-        place = begin if at_a else end
-        length = math.sqrt((s - place) ** 2 + o * o)
+        end_along = begin if at_a else end
+        length = math.sqrt((s - end_along) ** 2 + o * o)
         if length <= NOTHING:
             return 0.0, 1.0, 0.0
-        return (s - place) / length, o / length, (s - place) / length * place
+        return (s - end_along) / length, o / length, (s - end_along) / length * end_along
     front = o * o if begin <= s <= end and not corner else math.inf
     side_a = (begin - s) ** 2 + o * o - along_a**2 if along_a >= 0.0 else math.inf
     side_b = (s - end) ** 2 + o * o - along_b**2 if along_b >= 0.0 else math.inf

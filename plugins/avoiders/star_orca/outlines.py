@@ -124,8 +124,8 @@ def nearest_edges(
         room: (K,) buffer for the rows of the edges found, and (K,) buffer for their squared
             distances, m². At most K edges are returned.
     """
-    found, distance = room
-    most, count = len(found), 0
+    nearest, distance = room
+    most, count = len(nearest), 0
     limit = reach * reach
     for row in range(span[0], span[1]):
         dx, dy = x - edges[row, AX], y - edges[row, AY]
@@ -137,11 +137,11 @@ def nearest_edges(
         squared = off * off + beyond * beyond
         if squared >= limit:
             continue
-        place = count if count < most else most - 1
-        while place > 0 and squared < distance[place - 1]:
-            distance[place], found[place] = distance[place - 1], found[place - 1]
-            place -= 1
-        distance[place], found[place] = squared, row
+        index = count if count < most else most - 1
+        while index > 0 and squared < distance[index - 1]:
+            distance[index], nearest[index] = distance[index - 1], nearest[index - 1]
+            index -= 1
+        distance[index], nearest[index] = squared, row
         if count < most:
             count += 1
         if count == most:

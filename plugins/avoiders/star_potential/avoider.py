@@ -51,17 +51,17 @@ class Potential:
         n = len(wanted.yaw)
         estimate, wanted = with_possible_positions(estimate, wanted, self._radius)
         pushed = wanted.active & estimate.valid
-        there = np.asarray(np.isfinite(estimate.position).all(axis=1))
-        position = np.where(there[:, None], estimate.position, 0.0)
+        located = np.asarray(np.isfinite(estimate.position).all(axis=1))
+        position = np.where(located[:, None], estimate.position, 0.0)
         margin = position_margin(estimate.covariance, self._uncertainty_margin, self._radius)
-        push = self._from_agents(position, there, margin)
+        push = self._from_agents(position, located, margin)
         push += self._from_obstacles(position, margin)
         velocity = wanted.velocity.copy()
         velocity[:, :2] += np.where(pushed[:, None], push, 0.0)
         answer = np.where(pushed[:, None], self._cut(velocity), velocity)
         return Setpoint(answer[:n], wanted.yaw[:n], wanted.active[:n])
 
-    def _from_agents(self, position: Array, there: Mask, margin: Array) -> Array:
+    def _from_agents(self, position: Array, located: Mask, margin: Array) -> Array:
         """(N, 2) repulsion of other agents, m/s; agents at one point separate along x, by row."""
         n = len(position)
         away = position[:, None] - position  # (N, N, 3), from column to row
@@ -71,7 +71,7 @@ class Potential:
         direction[..., 0] += np.where(distance <= NOTHING, order, 0.0)
         room = distance - 2 * self._radius
         distance = distance - yielding_margin(margin + margin[:, None], room, HORIZON)
-        near = there & there[:, None] & (np.abs(away[..., 2]) <= self._vertical)
+        near = located & located[:, None] & (np.abs(away[..., 2]) <= self._vertical)
         strength = np.where(near & ~np.eye(n, dtype=bool), self._strength(distance, 2), 0.0)
         return np.asarray(np.einsum("ij,ijk->ik", strength, direction))
 

@@ -41,11 +41,11 @@ class Voronoi:
         n = len(wanted.yaw)
         estimate, wanted = with_possible_positions(estimate, wanted, self._radius)
         avoids = wanted.active & estimate.valid
-        there = np.asarray(np.isfinite(estimate.position).all(axis=1))
-        position = np.where(there[:, None], estimate.position, 0.0)
+        located = np.asarray(np.isfinite(estimate.position).all(axis=1))
+        position = np.where(located[:, None], estimate.position, 0.0)
         wish = np.ascontiguousarray(np.where(avoids[:, None], wanted.velocity, 0.0))
         margin = position_margin(estimate.covariance, self._uncertainty_margin, self._radius)
-        normal, room = self._agents(position, there, avoids, margin)
+        normal, room = self._agents(position, located, avoids, margin)
         wall, space = self._obstacles(position, margin)
         normal = np.ascontiguousarray(np.concatenate([wall, normal], axis=1))
         most = np.concatenate([space, room], axis=1) / self._horizon
@@ -55,14 +55,14 @@ class Voronoi:
         stopped = (got < least) & ((wish[:, :2] * alone).sum(axis=1) > least)  # not by an obstacle
         right = within(np.stack([wish[:, 1], -wish[:, 0]], axis=1), normal, most)
         flat = np.where(stopped[:, None], right, flat)
-        velocity = np.column_stack([flat, self._climb(position, there, wish[:, 2])])
+        velocity = np.column_stack([flat, self._climb(position, located, wish[:, 2])])
         speed = np.maximum(np.linalg.norm(velocity, axis=1, keepdims=True), self._speed)
         velocity *= self._speed / speed
         answer = np.where(avoids[:, None], velocity, wanted.velocity)
         return Setpoint(answer[:n], wanted.yaw[:n], wanted.active[:n])
 
     def _agents(
-        self, position: Array, there: Mask, avoids: Mask, margin: Array
+        self, position: Array, located: Mask, avoids: Mask, margin: Array
     ) -> tuple[Array, Array]:
         """Borders to other agents: (N, N, 2) unit vectors towards them and (N, N) room, m."""
         n = len(position)
@@ -74,7 +74,7 @@ class Voronoi:
         share = np.where(avoids, 0.5, 1.0)  # of the distance
         room = share * distance - 2 * share * self._radius
         room -= yielding_margin(share * (margin + margin[:, None]), room, self._horizon)
-        none = ~there | (np.abs(towards[..., 2]) > self._vertical) | np.eye(n, dtype=bool)
+        none = ~located | (np.abs(towards[..., 2]) > self._vertical) | np.eye(n, dtype=bool)
         return direction, np.where(none | (room > self._reach), np.inf, room)
 
     def _obstacles(self, position: Array, margin: Array) -> tuple[Array, Array]:
@@ -92,11 +92,11 @@ class Voronoi:
         room = np.where(beside & (distance < self._reach + margin[:, None]), room, np.inf)
         return np.ascontiguousarray(towards / np.maximum(distance, NOTHING)[..., None]), room
 
-    def _climb(self, position: Array, there: Mask, wish: Array) -> Array:
+    def _climb(self, position: Array, located: Mask, wish: Array) -> Array:
         """(N,) vertical velocity that keeps the distance to agents above and below, m/s."""
         towards = position - position[:, None]
         column = np.hypot(towards[..., 0], towards[..., 1]) < 1.5 * self._radius  # above, below
-        column &= there & ~np.eye(len(position), dtype=bool)
+        column &= located & ~np.eye(len(position), dtype=bool)
         room = np.maximum(np.abs(towards[..., 2]) - self._vertical, 0.0) / (2 * self._horizon)
         up = np.where(column & (towards[..., 2] >= 0), room, np.inf).min(axis=1, initial=np.inf)
         down = np.where(column & (towards[..., 2] <= 0), room, np.inf).min(axis=1, initial=np.inf)
@@ -110,14 +110,14 @@ def within(wish: Array, normal: Array, most: Array) -> Array:
     (N, 2) m/s of (N, 2 or 3) m/s; `normal` contains (N, K, 2) unit vectors towards the borders, and
     `most` the (N, K) greatest speeds towards them, m/s.
     """
-    answer, given = wish[:, :2].copy(), np.zeros_like(most)  # change made by each border
+    answer, corrections = wish[:, :2].copy(), np.zeros_like(most)  # change made by each border
     for i in range(len(most)):
         for _ in range(ROUNDS):
             for k in np.flatnonzero(np.isfinite(most[i])):
                 nx, ny = normal[i, k]
-                taken = nx * answer[i, 0] + ny * answer[i, 1] + given[i, k] - most[i, k]
+                taken = nx * answer[i, 0] + ny * answer[i, 1] + corrections[i, k] - most[i, k]
                 taken = max(taken, 0.0)
-                answer[i, 0] += (given[i, k] - taken) * nx
-                answer[i, 1] += (given[i, k] - taken) * ny
-                given[i, k] = taken
+                answer[i, 0] += (corrections[i, k] - taken) * nx
+                answer[i, 1] += (corrections[i, k] - taken) * ny
+                corrections[i, k] = taken
     return answer

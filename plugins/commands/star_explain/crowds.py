@@ -37,7 +37,7 @@ def crowd_problems(mission: Mission, rehearsal: Rehearsal, origins: Origins) -> 
     away = set(mission.reserve_rows)  # that have not joined, or have left
     reported: set[tuple[int, int]] = set()
     for node, uncertain in zip(mission.steps, origins.uncertain, strict=True):
-        rounds = [step for one in actions([node]) for step in origins.rounds.get(id(one), ())]
+        rounds = [step for action in actions([node]) for step in origins.rounds.get(id(action), ())]
         for step in rounds:
             away -= set(step.rows)
             away |= set(step.rows) if step.action.verb == "leave" else set()

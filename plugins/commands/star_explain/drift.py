@@ -215,8 +215,8 @@ def fence_problems(mission: Mission, flight: DryFlight) -> Iterator[Problem]:
     """Warn if agents probably leave the fence by more than `FENCE_TOLERANCE` by their drift."""
     fence = mission.scene.world.fence
     low, high = np.array(fence.low[:2]), np.array(fence.high[:2])
-    here = flight.position[..., :2]
-    room = np.minimum(here - low, high - here).min(axis=2)
+    horizontal = flight.position[..., :2]
+    room = np.minimum(horizontal - low, high - horizontal).min(axis=2)
     rest = np.where(flight.airborne, (room + FENCE_TOLERANCE) / flight.std, np.inf)
     total, _, where = _risk(mission, flight, rest, room)
     leave = f"agents leave the fence by more than {FENCE_TOLERANCE:g} m"

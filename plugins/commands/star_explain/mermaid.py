@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from itertools import count
 
 from star_core.toolkit import shortlist
-from star_explain.plan import alike, ending, how, times, whose
+from star_explain.plan import agent_names, alike, ending, how, times
 from star_explain.results import Group, Part, StepResult
 from star_explain.words import options, own_options
 
@@ -57,7 +57,7 @@ class _Chart:
             return node
         same = alike(part)
         if same is not None:
-            return self._framed(f"each by itself: {shortlist(whose(part))}", same, before)
+            return self._framed(f"each by itself: {shortlist(agent_names(part))}", same, before)
         if not part.at_once:
             often = f"{part.times} times" if part.times > 1 else how(part, above)
             return self._framed(often, part, before)

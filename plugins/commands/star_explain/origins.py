@@ -32,7 +32,7 @@ class Origins:
             self.rounds.setdefault(id(step.action), []).append(step)
         self.uncertain: list[frozenset[int]] = []
         for node in mission.steps:
-            inner = [step for one in actions([node]) for step in self.rounds.get(id(one), ())]
+            inner = [step for action in actions([node]) for step in self.rounds.get(id(action), ())]
             for step in sorted(inner, key=lambda step: step.begun):
                 self._note(step)
             self.uncertain.append(frozenset(self._unsure))

@@ -21,8 +21,8 @@ def times(part: Part) -> str:
     takes = f"about {seconds(part.takes)}" if part.takes is not None else "as long as it takes"
     if part.limit is None:
         return f"{takes}, timeout unknown"
-    given = " (given)" if isinstance(part, StepResult) and part.timed else ""
-    return f"{takes}, at most {seconds(part.limit)}{given}"
+    by_user = " (given)" if isinstance(part, StepResult) and part.timed else ""
+    return f"{takes}, at most {seconds(part.limit)}{by_user}"
 
 
 def alike(group: Group) -> Group | None:
@@ -43,11 +43,11 @@ def how(group: Group, above: Group) -> str:
     return "at once" if group.at_once else "one after the other"
 
 
-def whose(part: Part) -> tuple[str, ...]:
+def agent_names(part: Part) -> tuple[str, ...]:
     """Return the names of all agents of a step, each once."""
     if isinstance(part, StepResult):
         return part.agents
-    return tuple(dict.fromkeys(name for inner in part.parts for name in whose(inner)))
+    return tuple(dict.fromkeys(name for inner in part.parts for name in agent_names(inner)))
 
 
 def ending(result: StepResult) -> list[str]:
@@ -74,22 +74,22 @@ def _lines(part: Part) -> tuple[tuple[str, str], ...]:
 
 def _steps(group: Group, number: str, registry: Registry) -> Iterator[str]:
     for i, part in enumerate(group.parts, start=1):
-        here = f"{number}{i}"
-        indent = "  " * (here.count(".") + 1)
+        label = f"{number}{i}"
+        indent = "  " * (label.count(".") + 1)
         if isinstance(part, StepResult):
-            yield from _step(part, here, indent, registry)
+            yield from _step(part, label, indent, registry)
         elif (same := alike(part)) is not None:
-            yield f"{indent}{here}  each by itself, {shortlist(whose(part))}: {times(part)}"
-            yield from _steps(same, f"{here}.", registry)
+            yield f"{indent}{label}  each by itself, {shortlist(agent_names(part))}: {times(part)}"
+            yield from _steps(same, f"{label}.", registry)
         else:
-            yield f"{indent}{here}  {how(part, group)}: {times(part)}"
-            yield from _steps(part, f"{here}.", registry)
+            yield f"{indent}{label}  {how(part, group)}: {times(part)}"
+            yield from _steps(part, f"{label}.", registry)
 
 
 def _step(result: StepResult, number: str, indent: str, registry: Registry) -> Iterator[str]:
-    given = options(own_options(result.action))
+    written = options(own_options(result.action))
     names = shortlist(result.agents) or "no agents"
-    yield f"{indent}{number}  {result.action.verb} {names}{f'  {given}' if given else ''}"
+    yield f"{indent}{number}  {result.action.verb} {names}{f'  {written}' if written else ''}"
     inside = indent + " " * (len(number) + 2)
     spec: TaskSpec = registry.find("task", result.action.verb).offer
     # A step without exclusive resources does not use the options for them.

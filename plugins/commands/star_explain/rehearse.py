@@ -86,9 +86,9 @@ class _Tasks:
 
     def make(self, action: Action, rows: tuple[int, ...], make: Callable[[], Task]) -> Task:
         """Make the task of a step for some rows."""
-        held = self._registry.find("task", action.verb).offer.exclusive
-        rehearsed = not self.late and (held is None or held.unless in action.written)
-        limit = None if held is None else held.timeout
+        exclusive = self._registry.find("task", action.verb).offer.exclusive
+        rehearsed = not self.late and (exclusive is None or exclusive.unless in action.written)
+        limit = None if exclusive is None else exclusive.timeout
         task = RehearsedTask(self._actions[id(action)], rows, make if rehearsed else None, limit)
         self.made.append(task)
         return task

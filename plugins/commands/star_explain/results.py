@@ -109,10 +109,10 @@ class Group:
     def limit(self) -> float | None:
         """Greatest duration, s; None if unknown."""
         limits = [part.limit for part in self.parts]
-        known = [limit for limit in limits if limit is not None]
-        if len(known) < len(limits):
+        bounds = [limit for limit in limits if limit is not None]
+        if len(bounds) < len(limits):
             return None
-        return self.times * (max(known, default=0.0) if self.at_once else math.fsum(known))
+        return self.times * (max(bounds, default=0.0) if self.at_once else math.fsum(bounds))
 
 
 Part: TypeAlias = StepResult | Group

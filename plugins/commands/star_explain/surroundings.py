@@ -34,18 +34,18 @@ class Surroundings:
 
         None if the planner leads around obstacles.
         """
-        found: dict[tuple[int, str], str] = {}
+        by_obstacle: dict[tuple[int, str], str] = {}
         obstacles = self._scene.world.obstacles
         if not self._ignores_obstacles or not obstacles:
             return ()
         for row, (x, y, z) in self._flown(rounds):
             for obstacle in obstacles:
-                if (row, obstacle.name) not in found and obstacle.touched((x, y, z), z):
+                if (row, obstacle.name) not in by_obstacle and obstacle.touched((x, y, z), z):
                     name = self._scene.agents[row].name
                     where = f"at [{x:.2f}, {y:.2f}, {z:.2f}]"
                     text = f"obstacle {obstacle.name!r} is in the way of {name} {where}"
-                    found[row, obstacle.name] = text
-        return tuple(found.values())
+                    by_obstacle[row, obstacle.name] = text
+        return tuple(by_obstacle.values())
 
     def surfaces(self, rounds: Iterable[RehearsedStep]) -> tuple[str, ...]:
         """Return over which surfaces agents fly that are not as high as those of their starts.

@@ -26,39 +26,39 @@ def seconds(time: float) -> str:
     return f"{minutes} min {rest} s" if rest else f"{minutes} min"
 
 
-def value(given: Any) -> str:
+def value(content: Any) -> str:
     """Return a value as written in a mission.
 
     >>> value([0.0, 1, True]), value({"shape": "line"}), value(None)
     ('[0, 1, true]', '{shape: line}', 'null')
     """
-    if isinstance(given, bool) or given is None:
-        return {True: "true", False: "false", None: "null"}[given]
-    if isinstance(given, int | float):
-        return f"{given:g}" if isinstance(given, float) else str(given)
-    if isinstance(given, list | tuple):
-        return "[" + ", ".join(map(value, given)) + "]"
-    if isinstance(given, Mapping):
-        return "{" + ", ".join(f"{key}: {value(inner)}" for key, inner in given.items()) + "}"
-    return " ".join(str(given).split())
+    if isinstance(content, bool) or content is None:
+        return {True: "true", False: "false", None: "null"}[content]
+    if isinstance(content, int | float):
+        return f"{content:g}" if isinstance(content, float) else str(content)
+    if isinstance(content, list | tuple):
+        return "[" + ", ".join(map(value, content)) + "]"
+    if isinstance(content, Mapping):
+        return "{" + ", ".join(f"{key}: {value(inner)}" for key, inner in content.items()) + "}"
+    return " ".join(str(content).split())
 
 
-def options(given: Mapping[str, Any]) -> str:
+def options(values: Mapping[str, Any]) -> str:
     """Return options as text: ``height: 0.8, speed: 0.3``."""
-    return ", ".join(f"{name}: {value(one)}" for name, one in given.items())
+    return ", ".join(f"{name}: {value(option)}" for name, option in values.items())
 
 
 def own_options(action: Any) -> dict[str, Any]:
     """Return the options of a step's verb as written in the mission."""
-    return {name: one for name, one in action.written.items() if name in action.options}
+    return {name: option for name, option in action.written.items() if name in action.options}
 
 
-def left_out(given: Mapping[str, Any], schema: Mapping[str, Any]) -> dict[str, Any]:
+def left_out(written: Mapping[str, Any], schema: Mapping[str, Any]) -> dict[str, Any]:
     """Return the options of a schema that are not set, with their defaults."""
     return {
         name: option["default"]
         for name, option in schema.get("properties", {}).items()
-        if name not in given and isinstance(option, Mapping) and "default" in option
+        if name not in written and isinstance(option, Mapping) and "default" in option
     }
 
 
@@ -83,8 +83,8 @@ def facts(mission: Mission, registry: Registry) -> Iterator[str]:
     yield "parts"
     for part in mission.parts.values():
         schema = registry.find(part.kind, part.use).offer.options
-        given, rest = options(part.written), options(left_out(part.written, schema))
-        yield f"  {part.kind:11}{part.use}{f'  {given}' if given else ''}"
+        written, rest = options(part.written), options(left_out(part.written, schema))
+        yield f"  {part.kind:11}{part.use}{f'  {written}' if written else ''}"
         if rest:
             yield f"{'':13}by default {rest}"
     yield ""
@@ -118,15 +118,15 @@ def _world(mission: Mission) -> Iterator[str]:
 
 
 def _swarm(mission: Mission) -> Iterator[str]:
-    given = mission.source
+    source = mission.source
     yield "swarm"
     wide = max(len(name) for name in mission.scene.names)
     for agent in mission.scene.agents:
         more = [f"yaw {math.degrees(agent.yaw):g}°"] if agent.yaw else []
         more += [str(agent.uri)] if agent.uri else []
-        more += [f"camera {given['swarm'][agent.name]['camera']}"] if agent.camera else []
+        more += [f"camera {source['swarm'][agent.name]['camera']}"] if agent.camera else []
         yield f"  {agent.name:{wide}}  at {', '.join([value(agent.start), *more])}"
-    for name, members in given.get("groups", {}).items():
+    for name, members in source.get("groups", {}).items():
         yield f"  group {name}: {shortlist(members)}"
     if mission.reserve:
         reserve = mission.reserve

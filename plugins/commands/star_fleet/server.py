@@ -93,7 +93,7 @@ class Fleet:
         link_timeout: float = LINK_TIMEOUT,
         **simulator: Any,
     ) -> None:
-        self.simulator = Simulator(scene, **simulator, wanted=self.watched)
+        self.simulator = Simulator(scene, **simulator, needs_images=self.watched)
         if self.simulator.cascades is not None:  # a client may select Mellinger's in flight
             self.simulator.leads = np.zeros((len(scene.agents), 3))
         if not feed_forward:

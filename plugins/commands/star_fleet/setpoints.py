@@ -16,7 +16,7 @@ from typing import Final
 from star_core.toolkit import yaw_from_quaternion
 from star_fleet.packet import expand, read, sound
 from star_sim.airframe import THRUST_MAX
-from star_sim.drone import FREE, PLACE, SPEED
+from star_sim.drone import FREE, POSITION, SPEED
 
 Three = tuple[float, float, float]
 NOTHING: Final[Three] = (0.0, 0.0, 0.0)
@@ -32,9 +32,9 @@ class Demand:
     """Demand of a setpoint. Where x and y are FREE it is a tilt.
 
     Attributes:
-        axes: FREE, SPEED or PLACE along x, y and z.
-        position: Of the axes that are PLACE, odometry frame, m.
-        velocity: m/s; of a PLACE what it moves with.
+        axes: FREE, SPEED or POSITION along x, y and z.
+        position: Of the axes under POSITION control, odometry frame, m.
+        velocity: m/s; under POSITION control the feed-forward velocity.
         acceleration: m/s².
         in_body: Whether the horizontal velocity is ahead and aside instead of along x and y.
         tilt: Roll and pitch (nose down positive), rad.
@@ -108,7 +108,7 @@ class Sticks:
             self._locked = False
         if mode["posSet"] and thrust:
             position = (-pitch, roll, thrust / 1000)
-            return Demand((PLACE, PLACE, PLACE), position, yaw=math.radians(yaw))
+            return Demand((POSITION, POSITION, POSITION), position, yaw=math.radians(yaw))
         high = FREE
         climb = lift = 0.0
         if mode["althold"]:
@@ -152,15 +152,15 @@ def _four(payload: bytes, kind: int) -> Demand | None:
             turn = sign * math.radians(last)
             return Demand((SPEED, SPEED, SPEED), velocity=(x, y, z), turn_rate=turn)
         case 2 | 9:
-            return Demand((FREE, FREE, PLACE), (0.0, 0.0, last), tilt=tilt, turn_rate=turn)
+            return Demand((FREE, FREE, POSITION), (0.0, 0.0, last), tilt=tilt, turn_rate=turn)
         case 4:
             axes = (FREE, FREE, SPEED)
             return Demand(axes, velocity=(0.0, 0.0, last), tilt=tilt, turn_rate=turn)
         case 5 | 10:
-            axes, velocity = (SPEED, SPEED, PLACE), (x, y, 0.0)
+            axes, velocity = (SPEED, SPEED, POSITION), (x, y, 0.0)
             return Demand(axes, (0.0, 0.0, last), velocity, in_body=True, turn_rate=turn)
         case _:
-            return Demand((PLACE, PLACE, PLACE), (x, y, z), yaw=math.radians(last))
+            return Demand((POSITION, POSITION, POSITION), (x, y, z), yaw=math.radians(last))
 
 
 def _full_state(payload: bytes, _kind: int) -> Demand | None:
@@ -177,7 +177,7 @@ def _full_state(payload: bytes, _kind: int) -> Demand | None:
         return None
     metres = [value / 1000 for value in values[:9]]
     return Demand(
-        (PLACE, PLACE, PLACE),
+        (POSITION, POSITION, POSITION),
         _three(metres[:3]),
         _three(metres[3:6]),
         _three(metres[6:]),
@@ -220,8 +220,8 @@ def _three(values: list[float]) -> Three:
     return x, y, z
 
 
-POSITION, GENERIC, PACKED = 0, 1, 2  # channels
-POSE, PACKED_POSES = 8, 9  # commands of the channel GENERIC
+POSITION_CHANNEL, GENERIC_CHANNEL, PACKED_CHANNEL = 0, 1, 2  # channels
+POSE, PACKED_POSES = 8, 9  # commands of GENERIC_CHANNEL
 UNIT: Final = (0.9, 1.1)  # length of what is taken for a unit quaternion
 
 
@@ -242,10 +242,10 @@ class Fix:
 
 def fixes(channel: int, payload: bytes) -> Iterator[Fix]:
     """Yield the positions and poses in a packet, those of other vehicles among them."""
-    if channel == POSITION:
+    if channel == POSITION_CHANNEL:
         if (position := read("fff", payload)) is not None and sound(position):
             yield Fix(None, (position[0], position[1], position[2]))
-    elif channel == PACKED:
+    elif channel == PACKED_CHANNEL:
         for name, x, y, z in _each("Bhhh", payload):
             yield Fix(name, (x / 1000, y / 1000, z / 1000))
     elif payload[:1] == bytes([POSE]):

@@ -241,7 +241,7 @@ def _commanded_tilt(axis: int, _scale: float = 1.0) -> Callable[[Readings], Any]
     def read(readings: Readings) -> Any:
         drones = readings.drones
         if readings.cascades is not None:
-            commanded = (_DEGREES, -_DEGREES)[axis] * readings.cascades["wanted"][:, axis]
+            commanded = (_DEGREES, -_DEGREES)[axis] * readings.cascades["target_tilt"][:, axis]
             return np.where(drones["mode"] == OFF, 0.0, commanded)
         x, y, up = drones["push"].T
         yaw = drones["seen_yaw"]

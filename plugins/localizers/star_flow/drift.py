@@ -75,9 +75,9 @@ class Drift:
             self._time = self._began = time
         period, elapsed = time - self._time, time - self._began
         self._time = time
-        here = position[:, :2]
-        step = here - self._last
-        self._last = here
+        horizontal = position[:, :2]
+        step = horizontal - self._last
+        self._last = horizontal
         self._moment += elapsed * step
         length = np.maximum(np.hypot(step[:, 0], step[:, 1]), MIN_STEP)
         self._texture += (TEXTURE / length)[:, None, None] * step[:, :, None] * step[:, None]
@@ -90,7 +90,7 @@ class Drift:
         height = np.maximum(position[:, 2] - self._ground, LEAST_HEIGHT)
         self._walked += period * NOISE * height**2
         self._yaw = yaw
-        away = here - self._start
+        away = horizontal - self._start
         deviations = np.empty((len(away), 3, 2))  # m, one standard deviation of each constant error
         deviations[:, 0] = SCALE * away
         for row, across in (1, START_YAW * away), (2, YAW_BIAS * self._moment):
@@ -143,7 +143,7 @@ def expected_std(
     drift = drift_of(scene, np.array([agent.start for agent in scene.agents]), yaw[0])
     rows = zip(time.tolist(), position, yaw, strict=True)
     covariance = [drift.covariance(*row) + error_std**2 * np.eye(3) for row in rows]
-    return np.array([position_margin(one, 1.0, math.inf) for one in covariance])
+    return np.array([position_margin(matrix, 1.0, math.inf) for matrix in covariance])
 
 
 def heading_variance(elapsed: float) -> float:

@@ -47,15 +47,15 @@ class Flow:
         reckoned = self._map_from_odom.apply(telemetry.position)
         velocity = self._map_from_odom.turn(telemetry.velocity)
         yaw = wrap_angle(telemetry.heading + self._map_from_odom.yaw)
-        known = np.isfinite(reckoned.sum(axis=1) + velocity.sum(axis=1) + yaw)
+        finite = np.isfinite(reckoned.sum(axis=1) + velocity.sum(axis=1) + yaw)
         error = self._error.at(telemetry.time)
-        if np.count_nonzero(known) == len(known):
+        if np.count_nonzero(finite) == len(finite):
             self._reckoned, self._position, self._yaw = reckoned, reckoned + error, yaw
         else:
-            column = known[:, None]
+            column = finite[:, None]
             self._reckoned = np.where(column, reckoned, self._reckoned)
             self._position = np.where(column, self._reckoned + error, self._position)
-            self._yaw, velocity = np.where(known, yaw, self._yaw), np.where(column, velocity, 0.0)
+            self._yaw, velocity = np.where(finite, yaw, self._yaw), np.where(column, velocity, 0.0)
         covariance = self._drift.covariance(telemetry.time, self._reckoned, self._yaw)
         covariance += self._variance
         return Estimate(
@@ -64,7 +64,7 @@ class Flow:
             velocity=frozen(velocity),
             yaw=frozen(self._yaw),
             covariance=frozen(covariance),
-            valid=frozen(known & (telemetry.age <= self._max_report_age)),
+            valid=frozen(finite & (telemetry.age <= self._max_report_age)),
             map_from_odom=self._map_from_odom,
             sightings=self._targets.locate(
                 telemetry, self._map_from_odom, self._position, covariance

@@ -71,16 +71,18 @@ class TargetSightings:
                 "flow: images are not processed, so no target is seen; use localizer apriltag, or a"
                 " camera with on-board detection: transport {use: sim, camera: {mode: geometric}}"
             )
-        found = telemetry.detections
-        taken = np.where(np.isfinite(found.taken), found.taken, found.arrived - self._latency)
-        seen = []
-        for k in np.flatnonzero(np.isin(found.tag, list(self._sizes))).tolist():
-            row, tag, time = int(found.agent[k]), int(found.tag[k]), float(taken[k])
-            target = self._target(row, tag, time, found.corners[k], map_from_odom.yaw[row])
+        detections = telemetry.detections
+        taken = np.where(
+            np.isfinite(detections.taken), detections.taken, detections.arrived - self._latency
+        )
+        sightings = []
+        for k in np.flatnonzero(np.isin(detections.tag, list(self._sizes))).tolist():
+            row, tag, time = int(detections.agent[k]), int(detections.tag[k]), float(taken[k])
+            target = self._target(row, tag, time, detections.corners[k], map_from_odom.yaw[row])
             if target is not None:
-                seen.append((row, tag, time, *target))
-        columns: Any = map(np.array, zip(*seen, strict=True))
-        return Sightings(*columns) if seen else Sightings.none()
+                sightings.append((row, tag, time, *target))
+        columns: Any = map(np.array, zip(*sightings, strict=True))
+        return Sightings(*columns) if sightings else Sightings.none()
 
     def _target(
         self, row: int, tag: int, taken: float, corners: Array, frame_yaw: float
@@ -144,8 +146,8 @@ def _refined(pose: Pose, rays: Array, size: float, deviation: float) -> SquareFi
     turn, position = cv2.solvePnPRefineLM(
         points, rays, identity, None, cv2.Rodrigues(pose.rotation)[0], pose.position[:, None]
     )
-    seen, jacobian = cv2.projectPoints(points, turn, position, identity, None)
-    residual = (rays - np.asarray(seen, np.float64).reshape(4, 2)).ravel()
+    projected, jacobian = cv2.projectPoints(points, turn, position, identity, None)
+    residual = (rays - np.asarray(projected, np.float64).reshape(4, 2)).ravel()
     surprise = float(residual @ residual) / deviation**2
     by_pose = np.asarray(jacobian, np.float64)[:, :6]  # rotation vector, then position
     if not (surprise <= len(residual) * MAX_MISFIT**2 and position[2] > size / 2):
@@ -155,8 +157,8 @@ def _refined(pose: Pose, rays: Array, size: float, deviation: float) -> SquareFi
     except np.linalg.LinAlgError:  # seen from its edge
         return None
     rotation = np.asarray(cv2.Rodrigues(turn)[0], np.float64)
-    found = Pose(rotation, np.asarray(position, np.float64).ravel())
-    return SquareFix(found, covariance * deviation**2, surprise)
+    refined = Pose(rotation, np.asarray(position, np.float64).ravel())
+    return SquareFix(refined, covariance * deviation**2, surprise)
 
 
 _NUDGES = 1e-6 * np.arange(8.0).reshape(4, 2) ** 2  # some exact corners have no good first pose
@@ -200,12 +202,12 @@ class PoseHistory:
         if not times or not times[0] <= time <= times[-1] + EXTRAPOLATION:
             return None
         after = min(bisect_right(times, time), len(times) - 1)
-        one, other = poses[max(after - 1, 0)], poses[after]
-        interval = other.time[row] - one.time[row]
-        share = min(1.0, (time - one.time[row]) / interval) if interval > 0 else 1.0
-        first, last = one.attitude[row], other.attitude[row]
+        earlier, later = poses[max(after - 1, 0)], poses[after]
+        interval = later.time[row] - earlier.time[row]
+        share = min(1.0, (time - earlier.time[row]) / interval) if interval > 0 else 1.0
+        first, last = earlier.attitude[row], later.attitude[row]
         attitude = (1 - share) * first + share * last * (1.0 if first @ last >= 0 else -1.0)
-        position = (1 - share) * one.position[row] + share * other.position[row]
+        position = (1 - share) * earlier.position[row] + share * later.position[row]
         if not np.isfinite(attitude).all():
             return None
-        return position, attitude / np.linalg.norm(attitude), other.covariance[row]
+        return position, attitude / np.linalg.norm(attitude), later.covariance[row]

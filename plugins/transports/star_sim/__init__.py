@@ -140,8 +140,8 @@ def simulator_arguments(
     errors = replace(PROFILES[profile], **radio or {})
     if aerodynamics is not None:
         errors = replace(errors, aerodynamics=aerodynamics)
-    wanted = camera_options.camera_options(errors, **camera or {})
-    return options | {"profile": errors, "camera": None if wanted.mode == "off" else wanted}
+    resolved = camera_options.camera_options(errors, **camera or {})
+    return options | {"profile": errors, "camera": None if resolved.mode == "off" else resolved}
 
 
 def ideal_world(**changes: Any) -> dict[str, Any]:
@@ -156,10 +156,12 @@ def check(
     """Yield covered landmarks and targets that the world does not have."""
     from difflib import get_close_matches
 
-    known = {tag.of for tag in (*scene.world.landmarks, *scene.world.targets)}
+    names = {tag.of for tag in (*scene.world.landmarks, *scene.world.targets)}
     for i, name in enumerate((camera or {}).get("covered", ())):
-        if name not in known:
-            near = "".join(f"; did you mean {one!r}?" for one in get_close_matches(name, known, 1))
+        if name not in names:
+            near = "".join(
+                f"; did you mean {match!r}?" for match in get_close_matches(name, names, 1)
+            )
             reason = f"world {scene.world.name!r} has no landmark {name!r}{near}"
             yield Problem(("camera", "covered", i), reason, "unknown-landmark")
 

@@ -108,22 +108,22 @@ def wash(drones: Record, order: Record, keys: Record, near: Record) -> None:
             the order of `order`.
     """
     n = len(drones)
-    for place in range(n):
-        row = order[place]
+    for index in range(n):
+        row = order[index]
         at, thrust = drones[row].position, drones[row].thrust
-        near[place, X], near[place, Y], near[place, Z] = at[0], at[1], at[2]
-        near[place, THRUST] = thrust[0] + thrust[1] + thrust[2] + thrust[3]
-        near[place, KEY] = keys[row]
-        near[place, LOAD] = 0.0
-    for one in range(n):
-        for two in range(one + 1, n):
-            if near[two, KEY] - near[one, KEY] > _KEY_REACH:
+        near[index, X], near[index, Y], near[index, Z] = at[0], at[1], at[2]
+        near[index, THRUST] = thrust[0] + thrust[1] + thrust[2] + thrust[3]
+        near[index, KEY] = keys[row]
+        near[index, LOAD] = 0.0
+    for first in range(n):
+        for second in range(first + 1, n):
+            if near[second, KEY] - near[first, KEY] > _KEY_REACH:
                 break
-            dx, dy = near[two, X] - near[one, X], near[two, Y] - near[one, Y]
+            dx, dy = near[second, X] - near[first, X], near[second, Y] - near[first, Y]
             squared = dx * dx + dy * dy
-            rise = near[two, Z] - near[one, Z]
+            rise = near[second, Z] - near[first, Z]
             if squared < RADIUS * RADIUS and abs(rise) < DEPTH:
-                upper, lower = (two, one) if rise > 0.0 else (one, two)
+                upper, lower = (second, first) if rise > 0.0 else (first, second)
                 force = downwash(abs(rise), squared, near[upper, THRUST])
                 near[order[lower], LOAD] += force
 

@@ -16,7 +16,7 @@ VOLTAGE = LANES * 17
 PX, PY, PZ, SHARE, YAW_RATE, CEILING = (LANES * k for k in range(18, 24))
 
 # The firmware's controllers: wanted angles and thrust, believed angles, and how rates change them.
-WANTED_ROLL, WANTED_PITCH, WANTED_THRUST = (LANES * k for k in range(24, 27))
+TARGET_ROLL, TARGET_PITCH, TARGET_THRUST = (LANES * k for k in range(24, 27))
 ROLL, PITCH, YAW_ERROR, ROLL_SIN, ROLL_COS, PITCH_TAN = (LANES * k for k in range(27, 33))
 INTEGRAL = LANES * 33  # of roll, pitch and yaw, then of their three rates
 LAST_RATE = LANES * 39  # of the three rates, in the step before

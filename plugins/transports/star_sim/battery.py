@@ -20,10 +20,10 @@ VOLTAGE_OF_CHARGE = (3.00, 3.78, 3.83, 3.87, 3.89, 3.92, 3.96, 4.00, 4.04, 4.10,
 @compiled
 def open_voltage(charge: float) -> float:
     """Return the voltage without load at a fraction of charge, V."""
-    place = min(max(charge, 0.0), 1.0) * 10
-    below = min(int(place), 9)
+    position = min(max(charge, 0.0), 1.0) * 10
+    below = min(int(position), 9)
     low, high = VOLTAGE_OF_CHARGE[below], VOLTAGE_OF_CHARGE[below + 1]
-    return low + (place - below) * (high - low)
+    return low + (position - below) * (high - low)
 
 
 @compiled

@@ -47,13 +47,13 @@ from star_sim.batch import (
     ROLL_COS,
     ROLL_SIN,
     SHARE,
+    TARGET_PITCH,
+    TARGET_ROLL,
+    TARGET_THRUST,
     VOLTAGE,
     VX,
     VY,
     VZ,
-    WANTED_PITCH,
-    WANTED_ROLL,
-    WANTED_THRUST,
     YAW_ERROR,
     YAW_RATE,
     P,
@@ -216,8 +216,8 @@ def _restore(drone: Record, s: Record, i: int) -> None:
 @compiled
 def _interleave_cascade(drone: Record, cascade: Record, s: Record, i: int) -> None:
     """Write the state of one drone's controller into a batch, as drone number `i`."""
-    s[WANTED_ROLL + i], s[WANTED_PITCH + i] = cascade.wanted[0], cascade.wanted[1]
-    s[WANTED_THRUST + i] = cascade.thrust
+    s[TARGET_ROLL + i], s[TARGET_PITCH + i] = cascade.target_tilt[0], cascade.target_tilt[1]
+    s[TARGET_THRUST + i] = cascade.thrust
     roll, pitch = cascade.angles[0], cascade.angles[1]
     s[ROLL + i], s[PITCH + i], s[YAW_ERROR + i] = roll, pitch, cascade.yaw_error
     s[ROLL_SIN + i], s[ROLL_COS + i] = math.sin(roll), math.cos(roll)

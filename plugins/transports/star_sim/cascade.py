@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from star_sim.airframe import CYCLE, GRAVITY
 from star_sim.compiled import Record, compiled
-from star_sim.drone import DEMAND, FREE, OFF, PLACE, TRAJECTORY, VELOCITY
+from star_sim.drone import DEMAND, FREE, OFF, POSITION, TRAJECTORY, VELOCITY
 from star_sim.position import wrap
 from star_sim.powertrain import FIRMWARE_THRUST_MAX, FULL
 from star_sim.stabilizer import MELLINGER, PID
@@ -22,7 +22,7 @@ from star_sim.stabilizer import MELLINGER, PID
 CASCADE = np.dtype(
     [
         ("controller", "i8"),  # PID or MELLINGER
-        ("wanted", "f8", 2),  # rad, roll and pitch (nose down positive)
+        ("target_tilt", "f8", 2),  # rad, roll and pitch (nose down positive)
         ("thrust", "f8"),  # command, of 65535 for each motor
         ("angles", "f8", 2),  # rad, believed roll and pitch
         ("yaw_error", "f8"),  # rad, wanted less believed heading
@@ -111,7 +111,7 @@ def regulate(drone: Record, cascade: Record, lead: Record) -> None:
         _steer(drone, cascade, cos, sin)
         _climb(drone, cascade)
     if free:
-        cascade.wanted[0], cascade.wanted[1] = drone.tilt[0], drone.tilt[1]
+        cascade.target_tilt[0], cascade.target_tilt[1] = drone.tilt[0], drone.tilt[1]
     if drone.mode == DEMAND and drone.axes[2] == FREE:
         cascade.thrust = drone.lift * (FULL / (4 * FIRMWARE_THRUST_MAX))
 
@@ -124,7 +124,7 @@ def _reset(cascade: Record) -> None:
     for axis in range(3):
         cascade.position_integral[axis] = cascade.velocity_integral[axis] = 0.0
         cascade.attitude_integral[axis] = cascade.attitude_integral[axis + 3] = 0.0
-    cascade.wanted[0], cascade.wanted[1] = cascade.angles[0], cascade.angles[1]
+    cascade.target_tilt[0], cascade.target_tilt[1] = cascade.angles[0], cascade.angles[1]
 
 
 @compiled
@@ -132,7 +132,7 @@ def _steer(drone: Record, cascade: Record, cos: float, sin: float) -> None:
     """Set the roll and pitch of the PID controller, from the horizontal axes of the reference."""
     east, north = drone.reference_velocity[0], drone.reference_velocity[1]
     ahead, aside = cos * east + sin * north, cos * north - sin * east
-    if _in_place(drone, 0):
+    if _position_controlled(drone, 0):
         east = drone.reference_position[0] - drone.believed_position[0]
         north = drone.reference_position[1] - drone.believed_position[1]
         ahead = POSITION_GAIN * (cos * east + sin * north)
@@ -140,8 +140,8 @@ def _steer(drone: Record, cascade: Record, cos: float, sin: float) -> None:
         ahead = min(max(ahead, -SPEED_LIMIT), SPEED_LIMIT)
         aside = min(max(aside, -SPEED_LIMIT), SPEED_LIMIT)
     east, north = drone.believed_velocity[0], drone.believed_velocity[1]
-    cascade.wanted[1] = _tilt(cascade, 0, ahead - cos * east - sin * north)
-    cascade.wanted[0] = -_tilt(cascade, 1, aside - cos * north + sin * east)
+    cascade.target_tilt[1] = _tilt(cascade, 0, ahead - cos * east - sin * north)
+    cascade.target_tilt[0] = -_tilt(cascade, 1, aside - cos * north + sin * east)
 
 
 @compiled
@@ -157,14 +157,14 @@ def _tilt(cascade: Record, axis: int, missing: float) -> float:
 @compiled
 def _climb(drone: Record, cascade: Record) -> None:
     """Set the thrust command of the PID controller, from the vertical axis of the reference."""
-    wanted = drone.reference_velocity[2]
-    if _in_place(drone, 2):
+    target = drone.reference_velocity[2]
+    if _position_controlled(drone, 2):
         way = drone.reference_position[2] - drone.believed_position[2]
         summed = cascade.position_integral[2] + CYCLE * way
         cascade.position_integral[2] = summed
-        wanted = POSITION_GAIN * way + HEIGHT_INTEGRAL_GAIN * summed
-        wanted = min(max(wanted, -SPEED_LIMIT), SPEED_LIMIT)
-    missing = wanted - drone.believed_velocity[2]
+        target = POSITION_GAIN * way + HEIGHT_INTEGRAL_GAIN * summed
+        target = min(max(target, -SPEED_LIMIT), SPEED_LIMIT)
+    missing = target - drone.believed_velocity[2]
     summed = cascade.velocity_integral[2] + CYCLE * missing
     cascade.velocity_integral[2] = summed
     more = CLIMB_GAIN * missing + CLIMB_INTEGRAL_GAIN * summed
@@ -173,9 +173,9 @@ def _climb(drone: Record, cascade: Record) -> None:
 
 
 @compiled
-def _in_place(drone: Record, axis: int) -> bool:
+def _position_controlled(drone: Record, axis: int) -> bool:
     """Whether an axis is under position control."""
-    return bool(drone.mode == TRAJECTORY or (drone.mode == DEMAND and drone.axes[axis] == PLACE))
+    return bool(drone.mode == TRAJECTORY or (drone.mode == DEMAND and drone.axes[axis] == POSITION))
 
 
 @compiled
@@ -191,8 +191,8 @@ def _mellinger(
     along -= math.sin(roll) * aside
     cascade.thrust = min(max(COMMAND_PER_FORCE * along, 0.0), FULL)
     norm = max(1e-9, math.sqrt(ahead * ahead + aside * aside + up * up))
-    cascade.wanted[0] = -math.asin(aside / norm)
-    cascade.wanted[1] = math.atan2(ahead, up)
+    cascade.target_tilt[0] = -math.asin(aside / norm)
+    cascade.target_tilt[1] = math.atan2(ahead, up)
 
 
 @compiled
@@ -200,7 +200,7 @@ def _force(drone: Record, cascade: Record, lead: Record, axis: int) -> float:
     """Return the force along one axis of the odometry frame that its errors ask for, N."""
     velocity = drone.reference_velocity[axis]
     missing = velocity - drone.believed_velocity[axis]
-    if _in_place(drone, axis):
+    if _position_controlled(drone, axis):
         lead[axis] = 0.0
         way = drone.reference_position[axis] - drone.believed_position[axis]
         missing = velocity * drone.feed_forward - drone.believed_velocity[axis]

@@ -62,28 +62,28 @@ def separate(drones: Record, order: Record, keys: Record) -> None:
     for i in range(n):
         at = drones[i].position
         keys[i] = SWEEP[0] * at[0] + SWEEP[1] * at[1] + SWEEP[2] * at[2]
-    for place in range(1, n):
-        row = order[place]
+    for index in range(1, n):
+        row = order[index]
         key = keys[row]
-        hole = place
+        hole = index
         while hole > 0 and keys[order[hole - 1]] > key:
             order[hole] = order[hole - 1]
             hole -= 1
         order[hole] = row
-    for place in range(n):
-        row = order[place]
-        for other in range(place + 1, n):
+    for index in range(n):
+        row = order[index]
+        for other in range(index + 1, n):
             if keys[order[other]] - keys[row] > 2 * FRAME_RADIUS:
                 break
             _bounce(drones[row], drones[order[other]])
 
 
 @compiled
-def _bounce(one: Record, other: Record) -> None:
+def _bounce(first: Record, second: Record) -> None:
     """Move two drones apart along the line between them, if they overlap."""
-    dx = other.position[0] - one.position[0]
-    dy = other.position[1] - one.position[1]
-    dz = other.position[2] - one.position[2]
+    dx = second.position[0] - first.position[0]
+    dy = second.position[1] - first.position[1]
+    dz = second.position[2] - first.position[2]
     squared = dx * dx + dy * dy + dz * dz
     if squared >= 4 * FRAME_RADIUS * FRAME_RADIUS:
         return
@@ -94,15 +94,15 @@ def _bounce(one: Record, other: Record) -> None:
     half = FRAME_RADIUS - distance / 2
     closing = 0.0
     for axis in range(3):
-        closing += normal[axis] * (one.velocity[axis] - other.velocity[axis])
+        closing += normal[axis] * (first.velocity[axis] - second.velocity[axis])
     shove = max(0.0, closing) * (1 + BOUNCE) / 2  # m/s each: they weigh the same
     for axis in range(3):
-        one.position[axis] -= half * normal[axis]
-        other.position[axis] += half * normal[axis]
-        one.velocity[axis] -= shove * normal[axis]
-        other.velocity[axis] += shove * normal[axis]
-    one.position[2] = max(0.0, one.position[2])
-    other.position[2] = max(0.0, other.position[2])
+        first.position[axis] -= half * normal[axis]
+        second.position[axis] += half * normal[axis]
+        first.velocity[axis] -= shove * normal[axis]
+        second.velocity[axis] += shove * normal[axis]
+    first.position[2] = max(0.0, first.position[2])
+    second.position[2] = max(0.0, second.position[2])
 
 
 @compiled

@@ -16,7 +16,7 @@ from star_sim import airframe, battery
 # What flies a drone: nothing, its commander, velocity setpoints, or a setpoint of `star_fleet`.
 OFF, TRAJECTORY, VELOCITY, DEMAND = 0, 1, 2, 3
 
-FREE, SPEED, PLACE = 0, 1, 2  # control of an axis by a demand: none, velocity, position
+FREE, SPEED, POSITION = 0, 1, 2  # control of an axis by a demand: none, velocity, position
 
 DRONE = np.dtype(
     [
@@ -85,7 +85,7 @@ DRONE = np.dtype(
         # Contacts.
         ("clearance", "f8"),  # m, no obstacle is nearer
         # A demand, in addition to the references above.
-        ("axes", "i8", 3),  # FREE, SPEED or PLACE along x, y and z; x and y FREE hold the tilt
+        ("axes", "i8", 3),  # FREE, SPEED or POSITION along x, y and z; x and y FREE hold the tilt
         ("tilt", "f8", 2),  # rad, roll and pitch (nose down positive)
         ("tilt_rate", "f8", 2),  # rad/s, at which the tilt that is wanted changes
         ("lift", "f8"),  # N, thrust of all motors where z is FREE

@@ -40,14 +40,14 @@ class DroneFaults:
             raise PluginError(f"simulates no faults of {', '.join(sensors)} with `noise: false`")
         self._drones = drones
         self._faults = faults
-        self._own = {name: drones[name].copy() for name in _ERRORS}
+        self._nominal = {name: drones[name].copy() for name in _ERRORS}
         self._randoms = [np.random.default_rng([seed, _STREAM, fault.number]) for fault in faults]
 
     def apply(self, time: float) -> None:
         """Set the state of the drones as the faults at a mission time, s, demand."""
         drones = self._drones
-        for name, own in self._own.items():
-            drones[name] = own
+        for name, nominal in self._nominal.items():
+            drones[name] = nominal
         for name in _SHARES:
             drones[name] = 1.0
         for fault, random in zip(self._faults, self._randoms, strict=True):

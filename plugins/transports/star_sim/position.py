@@ -10,7 +10,7 @@ import math
 from star_core.toolkit import wrap_angle
 from star_sim.airframe import CYCLE, GRAVITY, MASS
 from star_sim.compiled import Record, compiled
-from star_sim.drone import DEMAND, FREE, OFF, PLACE, TRAJECTORY
+from star_sim.drone import DEMAND, FREE, OFF, POSITION, TRAJECTORY
 
 POSITION_GAIN = 2.0  # 1/s, the firmware's
 POSITION_SPEED = 1.0  # m/s, greatest that the position loop asks for, along each axis; as firmware
@@ -84,13 +84,13 @@ def _acceleration(drone: Record, axis: int, gain: float) -> float:
     Without feed-forward a drone in position control tracks the position only, as with the
     firmware's default controller (``position_controller_pid.c``): it lags by 1/`POSITION_GAIN`.
     """
-    wanted, ahead = drone.reference_velocity[axis], drone.reference_acceleration[axis]
-    if drone.mode == TRAJECTORY or (drone.mode == DEMAND and drone.axes[axis] == PLACE):
+    target, ahead = drone.reference_velocity[axis], drone.reference_acceleration[axis]
+    if drone.mode == TRAJECTORY or (drone.mode == DEMAND and drone.axes[axis] == POSITION):
         way = POSITION_GAIN * (drone.reference_position[axis] - drone.believed_position[axis])
-        wanted *= drone.feed_forward
+        target *= drone.feed_forward
         ahead *= drone.feed_forward
-        wanted += min(max(way, -POSITION_SPEED), POSITION_SPEED)
-    missing = wanted - drone.believed_velocity[axis]
+        target += min(max(way, -POSITION_SPEED), POSITION_SPEED)
+    missing = target - drone.believed_velocity[axis]
     windup = drone.windup[axis] + INTEGRAL_GAIN * CYCLE * missing
     drone.windup[axis] = windup = min(max(windup, -INTEGRAL_LIMIT), INTEGRAL_LIMIT)
     return float(ahead + gain * missing + windup)

@@ -65,10 +65,10 @@ class RadioLink:
         """
         self._late.extend(samples)
         count = max(0, len(self._late) - round(self._profile.report_delay / CYCLE))
-        here, self._late = self._late[:count], self._late[count:]
-        if not here:
+        arriving, self._late = self._late[:count], self._late[count:]
+        if not arriving:
             return np.zeros(0, np.int64), np.zeros((0, SAMPLE))
-        table = np.array(here)
+        table = np.array(arriving)
         heard = self._random.random(table.shape[:2]) >= self._profile.report_loss
         agent, samples = np.nonzero(heard)[1], table[heard]
         self._newest[agent] = samples  # of several from one agent, the last

@@ -31,10 +31,10 @@ from star_sim.batch import (
     ROLL,
     ROLL_COS,
     ROLL_SIN,
+    TARGET_PITCH,
+    TARGET_ROLL,
+    TARGET_THRUST,
     VOLTAGE,
-    WANTED_PITCH,
-    WANTED_ROLL,
-    WANTED_THRUST,
     YAW_ERROR,
     P,
     Q,
@@ -89,13 +89,13 @@ def stabilize(s: Record, i: int) -> tuple[float, float, float, float]:
     yaw_error = s[YAW_ERROR + i] - STEP * r
     s[ROLL + i], s[PITCH + i], s[YAW_ERROR + i] = roll, pitch, yaw_error
 
-    torque_x = 0.5 * _tilt_torque(s, i, 0, s[WANTED_ROLL + i] - roll, p)
-    torque_y = 0.5 * _tilt_torque(s, i, 1, s[WANTED_PITCH + i] - pitch, q)
+    torque_x = 0.5 * _tilt_torque(s, i, 0, s[TARGET_ROLL + i] - roll, p)
+    torque_y = 0.5 * _tilt_torque(s, i, 1, s[TARGET_PITCH + i] - pitch, q)
     torque_z = _yaw_torque(s, i, yaw_error, r)
 
     # ``power_distribution_quadrotor.c``: commands to motors, compensation of the battery's
     # voltage, then all are lowered by what the greatest has too much.
-    thrust, volts = s[WANTED_THRUST + i], s[VOLTAGE + i]
+    thrust, volts = s[TARGET_THRUST + i], s[VOLTAGE + i]
     s[PWM + i] = thrust - torque_x - torque_y - torque_z
     s[PWM + LANES + i] = thrust - torque_x + torque_y + torque_z
     s[PWM + 2 * LANES + i] = thrust + torque_x + torque_y - torque_z

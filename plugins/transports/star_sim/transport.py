@@ -76,7 +76,7 @@ class Simulator:
         camera: Camera error model; None disables cameras.
         wind: Velocity, gusts and their correlation time: see `star_sim.aerodynamics.Wind`.
         positioning: Options of a positioning system: see `star_sim.positioning`; None has none.
-        wanted: Whether the images of the agent in a row are needed; others are not rendered.
+        needs_images: Whether the images of the agent in a row are needed; others are not rendered.
 
     Attributes:
         speed: Mission seconds per second of wall time; None is as fast as possible.
@@ -98,14 +98,14 @@ class Simulator:
         camera: CameraOptions | None = None,
         wind: Mapping[str, Any] | None = None,
         positioning: Mapping[str, Any] | None = None,
-        wanted: Callable[[int], bool] = lambda _row: True,
+        needs_images: Callable[[int], bool] = lambda _row: True,
     ) -> None:
         n = len(scene.agents)
         self._cameras = None
         if camera is not None and any(agent.camera for agent in scene.agents):
             from star_sim.camera_sim.cameras import Cameras
 
-            self._cameras = Cameras(scene, camera, wanted)
+            self._cameras = Cameras(scene, camera, needs_images)
         self._scene = scene
         self._noise = noise
         self.speed = speed

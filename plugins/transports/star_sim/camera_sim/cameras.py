@@ -31,16 +31,16 @@ class Cameras:
     Args:
         scene: Agents with their cameras, tags, obstacles, seed.
         options: Error model.
-        wanted: Whether the images of the agent in a row are needed; others are not rendered.
+        needs_images: Whether the images of the agent in a row are needed; others are not rendered.
     """
 
     def __init__(
         self,
         scene: Scene,
         options: CameraOptions,
-        wanted: Callable[[int], bool] = lambda _row: True,
+        needs_images: Callable[[int], bool] = lambda _row: True,
     ) -> None:
-        self._options, self._wanted = options, wanted
+        self._options, self._needs_images = options, needs_images
         surveyed = [
             tag
             for tag in (*scene.world.landmarks, *scene.world.targets)
@@ -115,7 +115,7 @@ class Cameras:
             stream = self._streams[row]
             self._periods[row] += 1.0
             heapq.heappush(self._queue, (max(step + 1, self._due(row)), row))
-            if not self._wanted(row):
+            if not self._needs_images(row):
                 continue
             latency = self._latency[row] + self._options.latency_std * stream.standard_normal()
             lost = stream.random() < self._options.drop_rate
@@ -129,14 +129,18 @@ class Cameras:
 
     def arrived(self, now: float) -> tuple[Frames, Detections]:
         """Return the images or detections that arrived since the last call, up to `now`, s."""
-        here = sorted((one for one in self._under_way if one[0] <= now), key=lambda one: one[:2])
-        self._under_way = [one for one in self._under_way if one[0] > now]
-        if not here:
+        arrivals = sorted(
+            (item for item in self._under_way if item[0] <= now), key=lambda item: item[:2]
+        )
+        self._under_way = [item for item in self._under_way if item[0] > now]
+        if not arrivals:
             return Frames.none(), Detections.none()
-        arrival, agent, taken = (np.array(column) for column in list(zip(*here, strict=True))[:3])
+        arrival, agent, taken = (
+            np.array(column) for column in list(zip(*arrivals, strict=True))[:3]
+        )
         if not self._options.timestamps:
-            taken = np.full(len(here), np.nan)
-        contents = [content for *_, content in here]
+            taken = np.full(len(arrivals), np.nan)
+        contents = [content for *_, content in arrivals]
         if self._options.mode == "rendered":
             return Frames(agent, taken, arrival, tuple(contents)), Detections.none()
         counts = [len(ids) for ids, _ in contents]
@@ -166,8 +170,8 @@ class Cameras:
             return None
         shown = self._misidentified(self._tags, stream)
         rows = np.argsort(self._tags)
-        found: Rows = rows[np.searchsorted(self._tags, shown, sorter=rows)]
-        return found
+        misprinted: Rows = rows[np.searchsorted(self._tags, shown, sorter=rows)]
+        return misprinted
 
     def _misidentified(self, tags: Rows, stream: np.random.Generator) -> Rows:
         """Replace the ids of some tags by those of others."""

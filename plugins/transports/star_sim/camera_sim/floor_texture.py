@@ -142,7 +142,7 @@ def _sample(
     """
     texels, starts = floor
     level, scale, last, start = 0, 1.0, np.uint32(SIDE - 1), np.uint64(starts[0])
-    one, shift = np.uint32(1), np.uint32(0)
+    unit, shift = np.uint32(1), np.uint32(0)
     for u in range(len(across)):
         far = reach[u]
         if not 0.0 < far < MAX_DEPTH:
@@ -159,8 +159,8 @@ def _sample(
         column, row = np.uint32(s), np.uint32(t)
         right, under = s - column, t - row
         upper = start + np.uint64((row & last) * (np.uint32(SIDE) >> shift))
-        lower = start + np.uint64(((row + one) & last) * (np.uint32(SIDE) >> shift))
-        west, east = np.uint64(column & last), np.uint64((column + one) & last)
+        lower = start + np.uint64(((row + unit) & last) * (np.uint32(SIDE) >> shift))
+        west, east = np.uint64(column & last), np.uint64((column + unit) & last)
         a, b = float(texels[upper + west]), float(texels[upper + east])
         c, d = float(texels[lower + west]), float(texels[lower + east])
         a += right * (b - a)

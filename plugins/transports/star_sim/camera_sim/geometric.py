@@ -71,13 +71,13 @@ class OnboardDetector:
         facing = ((camera - self._centers) * self._normals).sum(axis=1) > 0.0
         last = self._optics.width - 1 - BORDER, self._optics.height - 1 - BORDER
         within = ((pixels >= BORDER) & (pixels <= last)).all(axis=(1, 2))  # not so for NaN
-        found = np.flatnonzero(facing & within & (_module(pixels) >= self._min_module))
+        visible = np.flatnonzero(facing & within & (_module(pixels) >= self._min_module))
         if len(self._prisms[0]):
-            found = found[~hidden(camera, self._samples[found], self._prisms)]
-        pixels = pixels[found]
+            visible = visible[~hidden(camera, self._samples[visible], self._prisms)]
+        pixels = pixels[visible]
         if rng is not None:
             pixels += rng.normal(0.0, self._noise, pixels.shape)
-        return self._ids[found], pixels
+        return self._ids[visible], pixels
 
 
 def _module(pixels: Array) -> Array:
@@ -98,12 +98,12 @@ def hidden(eye: Record, points: Record, prisms: Prisms) -> Mask:
         points: (K, P, 3) of the tags in the map, m.
         prisms: Of `star_sim.contact.prisms`.
     """
-    found = np.zeros(len(points), np.bool_)
+    covered = np.zeros(len(points), np.bool_)
     for tag in range(len(points)):
         for k in range(points.shape[1]):
             point = (points[tag, k, 0], points[tag, k, 1], points[tag, k, 2])
-            found[tag] |= blocked((eye[0], eye[1], eye[2]), point, MAX_EMBEDDING, prisms)
-    return found
+            covered[tag] |= blocked((eye[0], eye[1], eye[2]), point, MAX_EMBEDDING, prisms)
+    return covered
 
 
 _U, _V = np.meshgrid([0.0, 0.5, 1.0], [0.0, 0.5, 1.0])  # shares of a tag's sides

@@ -42,7 +42,7 @@ class CameraOptions:
     covered: Sequence[str]
 
 
-def camera_options(profile: ErrorProfile = IDEAL, /, **given: Any) -> CameraOptions:
+def camera_options(profile: ErrorProfile = IDEAL, /, **options: Any) -> CameraOptions:
     """Return options as given in a mission, with defaults for the others.
 
     The defaults are those of `OPTIONS`, or of the profile for options that have none there.
@@ -52,7 +52,7 @@ def camera_options(profile: ErrorProfile = IDEAL, /, **given: Any) -> CameraOpti
         for name, option in OPTIONS["properties"].items()
         if "default" not in option
     }
-    return CameraOptions(**fill_defaults(of_profile | given, OPTIONS))
+    return CameraOptions(**fill_defaults(of_profile | options, OPTIONS))
 
 
 def _number(default: float, maximum: float, description: str) -> dict[str, Any]:

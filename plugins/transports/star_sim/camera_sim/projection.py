@@ -33,7 +33,7 @@ def project(points: Array, shot: Array, mount: Array, lens: Optics) -> Array:
     Returns:
         (P, 2) u and v, px, inside the image or not; NaN behind the camera or beyond its reach.
     """
-    seen = np.empty((len(points), 2))
+    projected = np.empty((len(points), 2))
     pose = np.empty(POSE)
     for k in range(len(points)):
         v = 0.5 * (lens.height - 1.0)
@@ -51,8 +51,8 @@ def project(points: Array, shot: Array, mount: Array, lens: Optics) -> Array:
             u, v = pixel(lens, x / z, y / z)
             if abs(v - before) < CONVERGED:
                 break
-        seen[k, 0], seen[k, 1] = u, v
-    return seen
+        projected[k, 0], projected[k, 1] = u, v
+    return projected
 
 
 @compiled
@@ -87,14 +87,14 @@ def touch(corners: Record, exposure: Exposure, region: Record) -> None:  # noqa:
             clipped = 0
             for k in range(count):
                 after = (k + 1) % count
-                here = a * kept[k, 0] + b * kept[k, 1] + c * kept[k, 2] + d
-                there = a * kept[after, 0] + b * kept[after, 1] + c * kept[after, 2] + d
-                if here >= 0.0:
+                distance = a * kept[k, 0] + b * kept[k, 1] + c * kept[k, 2] + d
+                next_distance = a * kept[after, 0] + b * kept[after, 1] + c * kept[after, 2] + d
+                if distance >= 0.0:
                     for axis in range(3):
                         cut[clipped, axis] = kept[k, axis]
                     clipped += 1
-                if (here >= 0.0) != (there >= 0.0):
-                    share = here / (here - there)
+                if (distance >= 0.0) != (next_distance >= 0.0):
+                    share = distance / (distance - next_distance)
                     for axis in range(3):
                         step = kept[after, axis] - kept[k, axis]
                         cut[clipped, axis] = kept[k, axis] + share * step

@@ -33,11 +33,11 @@ def draw_tags(canvas: Canvas, exposure: Exposure, tags: TagTables) -> None:
     regions = np.empty((len(frames), 4), np.int64)
     distance = np.empty(len(frames))
     order = np.empty(len(frames), np.int64)
-    found = 0
-    here = poses[height // 2, poses.shape[1] // 2]
+    count = 0
+    camera = poses[height // 2, poses.shape[1] // 2]
     for tag in range(len(frames)):
         frame = frames[tag]
-        x, y, z = here[9] - frame[0], here[10] - frame[1], here[11] - frame[2]
+        x, y, z = camera[9] - frame[0], camera[10] - frame[1], camera[11] - frame[2]
         if x * frame[9] + y * frame[10] + z * frame[11] <= 0.0:
             continue  # its back
         region = regions[tag]
@@ -46,13 +46,13 @@ def draw_tags(canvas: Canvas, exposure: Exposure, tags: TagTables) -> None:
         if region[0] >= region[2] or region[1] >= region[3]:
             continue
         distance[tag] = x * x + y * y + z * z
-        hole = found
+        hole = count
         while hole > 0 and distance[order[hole - 1]] > distance[tag]:
             order[hole] = order[hole - 1]
             hole -= 1
         order[hole] = tag
-        found += 1
-    for k in range(found):
+        count += 1
+    for k in range(count):
         tag = order[k]
         _draw(canvas, exposure, frames[tag], tags.prints[tag], regions[tag])
 

@@ -12,7 +12,7 @@ import pytest
 
 from star_fleet.packet import Port, compress
 from star_fleet.setpoints import STOP, Demand, Sticks, decode
-from star_sim.drone import FREE, PLACE, SPEED
+from star_sim.drone import FREE, POSITION, SPEED
 from tests.plugins.commands.star_fleet.conftest import aloft
 
 Start = Callable[..., Any]
@@ -137,14 +137,14 @@ def test_a_setpoint_that_is_too_short_or_no_number_asks_for_nothing(kind: int) -
 def test_what_is_held_is_what_the_format_has() -> None:
     assert decode(b"\0") == STOP
     assert decoded("B4f", 8, 1, 2, 3, 0).axes == (SPEED, SPEED, SPEED)
-    assert decoded("B4f", 10, 1, 2, 0, 3).axes == (SPEED, SPEED, PLACE)
-    assert decoded("B4f", 9, 1, 2, 0, 3).axes == (FREE, FREE, PLACE)
-    assert decoded("B4f", 7, 1, 2, 3, 0).axes == (PLACE, PLACE, PLACE)
+    assert decoded("B4f", 10, 1, 2, 0, 3).axes == (SPEED, SPEED, POSITION)
+    assert decoded("B4f", 9, 1, 2, 0, 3).axes == (FREE, FREE, POSITION)
+    assert decoded("B4f", 7, 1, 2, 3, 0).axes == (POSITION, POSITION, POSITION)
 
 
 def test_an_agent_that_levels_out_keeps_its_height_and_lets_go_of_the_rest() -> None:
     level = decoded("B4f", 10, 1.0, 2.0, 30.0, 0.7).levelled()
-    assert level.axes == (FREE, FREE, PLACE)
+    assert level.axes == (FREE, FREE, POSITION)
     assert level.position[2] == pytest.approx(0.7)
     assert (level.tilt, level.turn_rate) == ((0.0, 0.0), 0.0)
 

@@ -12,7 +12,7 @@ import pytest
 
 from star_core import Array, Order, Registry, fly, load
 from star_sim import airframe, powertrain
-from star_sim.drone import DEMAND, FREE, PLACE, SPEED
+from star_sim.drone import DEMAND, FREE, POSITION, SPEED
 from star_sim.powertrain import motor_voltage
 
 Flying = Callable[..., Any]
@@ -34,7 +34,7 @@ def hover(start: Flying, controller: str, height: float = 1.0, **options: Any) -
 def chase(flight: Any, path: Callable[[float], tuple[float, float]], seconds: float) -> Array:
     """Send position setpoints at 100 Hz, as a Crazyflie gets them; return (T, 2) true positions."""
     drone = flight.simulator.drones[0]
-    drone["mode"], drone["axes"], drone["feed_forward"] = DEMAND, PLACE, 0.0
+    drone["mode"], drone["axes"], drone["feed_forward"] = DEMAND, POSITION, 0.0
     flown = []
     for k in range(round(seconds / CYCLE)):
         drone["reference_position"] = (*path(k * CYCLE), 1.0)
