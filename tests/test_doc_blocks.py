@@ -248,7 +248,7 @@ def test_every_command_in_running_text_exists_with_its_options() -> None:
     assert wrong == []
 
 
-def test_the_verbs_on_the_page_for_users_of_crazyflie_py_are_checked(
+def test_verbs_on_the_crazyflie_py_page_are_checked(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     verbs = {*Registry().names("task"), "parallel", "repeat", "each"}

@@ -80,7 +80,7 @@ def test_every_link_and_anchor_leads_somewhere(pages: dict[Path, Links]) -> None
     assert missing == []
 
 
-def test_the_parts_of_pages_that_are_made_from_the_code_are_up_to_date(
+def test_generated_sections_of_pages_are_up_to_date(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.syspath_prepend(ROOT / "docs" / "site")

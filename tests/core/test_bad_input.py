@@ -294,7 +294,7 @@ def test_every_mistake_is_reported_in_the_order_of_the_file(
     assert places == ["m.yaml:2:7", "m.yaml:12:16", "m.yaml:14:5", "m.yaml:16:5"]
 
 
-def test_mistakes_in_a_mission_and_in_its_world_are_reported_at_once(
+def test_mission_and_world_problems_are_reported_at_once(
     refused: Callable[..., list[str]],
 ) -> None:
     change("seed: 7", "sead: 7")

@@ -109,7 +109,7 @@ def down(lab: Lab) -> bool:
 
 @pytest.mark.parametrize("role", METHODS)
 @pytest.mark.parametrize("behavior", LASTING)
-def test_a_lasting_failure_brakes_all_agents_twice_and_lands_them_at_the_third(
+def test_lasting_failures_brake_twice_then_land_all_agents(
     lab: Lab, behavior: str, role: str
 ) -> None:
     wrong, words = LASTING[behavior]
@@ -156,7 +156,7 @@ def test_on_the_ground_the_first_failure_ends_the_mission(lab: Lab, role: str) -
 
 
 @pytest.mark.parametrize("role", METHODS)
-def test_what_is_ten_times_too_fast_is_sent_no_faster_than_the_limit(lab: Lab, role: str) -> None:
+def test_tenfold_speeds_are_limited_before_they_are_sent(lab: Lab, role: str) -> None:
     def tenfold(right: Right, *inputs: Any) -> Any:
         match table := right(*inputs):
             case star.TaskOutput(goals=star.Goals() as goals):
@@ -237,7 +237,7 @@ def in_python(*lines: str) -> subprocess.CompletedProcess[str]:
     )
 
 
-def test_threads_that_a_plugin_leaves_behind_do_not_keep_the_command_from_its_end() -> None:
+def test_leftover_plugin_threads_do_not_block_exit() -> None:
     done = in_python(
         "import sys, threading",
         "from star_core.commands.main import main",
@@ -248,7 +248,7 @@ def test_threads_that_a_plugin_leaves_behind_do_not_keep_the_command_from_its_en
     assert (done.returncode, done.stdout.split()[0]) == (0, "star")
 
 
-def test_native_code_that_computes_for_ever_ends_the_process_with_its_line() -> None:
+def test_endless_native_code_ends_the_process_with_its_line() -> None:
     done = in_python(
         "import os, collections, itertools",
         "from star_core.plugin_support import watchdog",

@@ -54,7 +54,7 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
 
 
 @pytest.mark.parametrize("role", NAMED)
-def test_a_slow_plugin_is_reported_once_and_its_slow_ticks_are_counted(
+def test_slow_plugins_are_reported_once_and_slow_ticks_counted(
     lab: Lab, clock: Clock, caplog: pytest.LogCaptureFixture, role: str
 ) -> None:
     lab.spoil(role, METHODS[role], clock.wasting(2.5), range(5, 9))
@@ -84,7 +84,7 @@ def test_a_slow_observer_is_reported(lab: Lab, clock: Clock) -> None:
 
 
 @pytest.mark.parametrize("seconds", [0.01, LIMIT])
-def test_a_plugin_that_takes_no_longer_than_the_limit_is_not_reported(
+def test_plugins_within_the_time_limit_are_not_reported(
     lab: Lab, clock: Clock, seconds: float
 ) -> None:
     lab.spoil("planner", "plan", clock.wasting(seconds))
@@ -131,9 +131,7 @@ def _thrice(x: float) -> float:
     return 3.0 * x
 
 
-def test_where_mission_time_goes_on_by_itself_late_ticks_are_reported_instead(
-    lab: Lab, clock: Clock
-) -> None:
+def test_slow_ticks_are_not_counted_in_real_time(lab: Lab, clock: Clock) -> None:
     lab.realtime = True
     lab.registry = Registry(star_yaml, lab, installed=False)
     lab.spoil("planner", "plan", clock.wasting(9.0))

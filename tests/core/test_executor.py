@@ -56,7 +56,7 @@ def rising(speed: float) -> Callable[..., Estimate]:
 
 
 @pytest.mark.parametrize(("speed", "flying"), [(0.05, 1.0), (0.2, 3.0), (-0.2, 3.0)])
-def test_a_takeoff_ends_at_rest_or_two_seconds_after_its_commander(
+def test_takeoff_ends_at_rest_or_two_seconds_after_the_commander(
     lab: Lab, speed: float, flying: float
 ) -> None:
     lab.spoil("localizer", "locate", rising(speed))
@@ -72,7 +72,7 @@ def test_a_takeoff_ends_at_rest_or_two_seconds_after_its_commander(
 
 
 @pytest.mark.parametrize(("age", "lost"), [(0.5, False), (0.51, True), (np.nan, True)])
-def test_an_agent_is_lost_when_it_is_not_heard_for_more_than_half_a_second(
+def test_agents_are_lost_after_half_a_second_without_reports(
     lab: Lab,
     age: float,
     lost: bool,  # noqa: FBT001 -- what is expected
@@ -83,7 +83,7 @@ def test_an_agent_is_lost_when_it_is_not_heard_for_more_than_half_a_second(
     assert ("cf2 is lost" in lab.said("failure")) is lost
 
 
-def test_a_step_fails_when_one_of_its_agents_is_lost_and_all_agents_land(lab: Lab) -> None:
+def test_losing_an_agent_fails_its_step_and_lands_all_agents(lab: Lab) -> None:
     lab.spoil("transport", "receive", silent(1, 1.5, 2.5))
     summary = lab.fly()
     assert summary["outcome"] == "failed"
@@ -100,7 +100,7 @@ def test_a_step_fails_when_one_of_its_agents_is_not_located(lab: Lab) -> None:
     assert lab.fly()["reason"].endswith("wait cf1, cf2 failed: cf2 is lost")
 
 
-def test_an_agent_that_is_found_again_goes_on_when_no_step_needed_it_meanwhile(lab: Lab) -> None:
+def test_agents_recovered_before_their_next_step_go_on(lab: Lab) -> None:
     lab.spoil("transport", "receive", silent(1, 1.5, 2.5))
     summary = lab.fly(
         "\n  - climb: {}\n  - wait: {agents: cf1, seconds: 2}"
@@ -110,7 +110,7 @@ def test_an_agent_that_is_found_again_goes_on_when_no_step_needed_it_meanwhile(l
     assert lab.went("cf2") == ["taking_off", "flying", "lost", "flying", "landing", "landed"]
 
 
-def test_an_agent_that_stays_lost_while_no_step_needs_it_ends_the_mission(lab: Lab) -> None:
+def test_agents_that_stay_lost_end_the_mission(lab: Lab) -> None:
     lab.spoil("transport", "receive", silent(1, 1.5, 7.0))
     summary = lab.fly("\n  - climb: {}\n  - wait: {agents: cf1, seconds: 20}\n  - descend: {}")
     assert (summary["outcome"], summary["reason"]) == ("failed", "cf2 is lost")
@@ -126,7 +126,7 @@ def test_a_step_for_an_agent_that_is_lost_fails_at_once(lab: Lab) -> None:
     assert summary["reason"].endswith("mission.yaml:13 wait cf2 failed: cf2 is lost")
 
 
-def test_an_agent_that_is_never_heard_again_is_commanded_to_land_all_the_same(lab: Lab) -> None:
+def test_unheard_agents_are_still_commanded_to_land(lab: Lab) -> None:
     lab.spoil("transport", "receive", silent(1, 1.5, np.inf))
     lab.fly()
     assert sorted(lab.ordered(Order.LAND)) == [0, 1]
@@ -154,7 +154,7 @@ def test_a_step_that_fails_aborts_the_mission_by_default(lab: Lab, options: str,
 
 
 @pytest.mark.parametrize(("options", "why"), FAILING, ids=["says so", "given", "derived"])
-def test_a_step_that_fails_lands_its_agents_if_configured_and_the_others_go_on(
+def test_failed_steps_with_on_failure_land_leave_others_flying(
     lab: Lab, options: str, why: str
 ) -> None:
     summary = lab.fly(
@@ -190,7 +190,7 @@ def test_a_step_that_fails_is_passed_over_if_configured(lab: Lab, options: str, 
     assert [begun for begun, _ in ends[1:]] == [ended for _, ended in ends[:-1]]
 
 
-def test_an_agent_without_a_way_to_its_goal_fails_its_step_at_once_and_not_the_next(
+def test_unreachable_goals_fail_only_their_own_step(
     lab: Lab,
 ) -> None:
     def nowhere(plan: Any, estimate: Estimate, goals: Goals) -> Plan:
@@ -208,7 +208,7 @@ def test_an_agent_without_a_way_to_its_goal_fails_its_step_at_once_and_not_the_n
     assert [s["outcome"] for s in summary["steps"]] == ["success", "failure", "success"]
 
 
-def test_an_agent_that_refuses_an_order_fails_its_step_with_its_reason(lab: Lab) -> None:
+def test_refused_orders_fail_the_step_with_their_reason(lab: Lab) -> None:
     left = [Refusal(1, "refuses to climb: it is blocked")]
 
     def says(receive: Any) -> Telemetry:
@@ -249,9 +249,7 @@ def test_a_step_that_fails_without_a_reason_is_reported_so(lab: Lab) -> None:
 
 
 @pytest.mark.parametrize("then", ["land", "continue"])
-def test_an_agent_that_is_lost_leaves_the_mission_and_lands_if_the_step_allows_it(
-    lab: Lab, then: str
-) -> None:
+def test_lost_agents_leave_and_land_if_the_step_allows_it(lab: Lab, then: str) -> None:
     lab.spoil("transport", "receive", silent(1, 1.5, 2.5))
     summary = lab.fly(
         f"\n  - climb: {{}}\n  - wait: {{seconds: 2, on_failure: {then}}}"
@@ -272,7 +270,7 @@ def test_steps_go_on_with_the_agents_that_are_left(lab: Lab) -> None:
     assert lab.said("step")[-1].endswith("visit skipped: no agent is left for it")
 
 
-def test_an_emergency_that_a_step_allows_does_not_fail_the_mission(lab: Lab) -> None:
+def test_tolerated_emergencies_do_not_fail_the_mission(lab: Lab) -> None:
     def tumbled(right: Callable[[], Telemetry]) -> Telemetry:
         telemetry = right()
         return replace(telemetry, state=telemetry.state | [0, 32 if telemetry.time > 2 else 0])
@@ -323,9 +321,7 @@ def test_a_failure_in_parallel_aborts_the_steps_beside_it(lab: Lab) -> None:
 
 
 @pytest.mark.parametrize("then", ["land", "continue"])
-def test_a_failure_in_parallel_that_is_allowed_leaves_the_steps_beside_it_alone(
-    lab: Lab, then: str
-) -> None:
+def test_tolerated_failures_leave_parallel_steps_alone(lab: Lab, then: str) -> None:
     summary = lab.fly(
         "\n  - climb: {}\n  - parallel: [{wait: {agents: cf1, seconds: 3}}, "
         f"{{wait: {{agents: cf2, seconds: 1, fails: no film, on_failure: {then}}}}}]"
@@ -346,7 +342,7 @@ def test_a_failure_in_repeat_aborts_the_rounds_that_are_left(lab: Lab) -> None:
     assert len(began(lab)) == 1
 
 
-def test_a_failure_in_repeat_that_is_allowed_goes_on_with_the_next_round(lab: Lab) -> None:
+def test_tolerated_failures_in_repeat_go_on_to_the_next_round(lab: Lab) -> None:
     step = "wait: {seconds: 0.5, fails: no film, on_failure: continue}"
     summary = lab.fly(f"\n  - repeat: {{times: 3, steps: [{{{step}}}]}}")
     assert len(began(lab)) == 3
@@ -401,7 +397,7 @@ def test_all_agents_land_when_a_task_cannot_be_made_again(lab: Lab) -> None:
     assert [lab.went(name)[-1] for name in lab.swarm] == ["landed", "landed"]
 
 
-def test_a_feed_forward_velocity_holds_for_the_tick_it_is_given_in(lab: Lab) -> None:
+def test_feed_forward_velocities_hold_for_one_tick(lab: Lab) -> None:
     def once(_right: object, now: Estimate, _health: object) -> TaskOutput:
         velocity = np.full((2, 3), 0.1)
         goals = Goals(now.position, velocity, now.yaw, np.full(2, 0.5), np.ones(2, np.bool_))
@@ -452,7 +448,7 @@ def test_a_condition_that_never_holds_ends_with_the_time_out(lab: Lab) -> None:
 # Each agent by itself
 
 
-def test_each_agent_does_its_steps_without_waiting_for_the_others(lab: Lab) -> None:
+def test_each_runs_agents_independently(lab: Lab) -> None:
     summary = lab.fly(
         "\n  - climb: {}\n  - each:\n      steps:"
         "\n        - visit: {to: [1, 0, 1]}\n        - wait: {seconds: 1}\n  - descend: {}"
@@ -482,7 +478,7 @@ def test_a_step_times_out_though_nothing_is_heard_of_anybody(lab: Lab) -> None:
     assert summary["reason"].endswith("wait cf1, cf2 failed: timed out after 4 s")
 
 
-def test_steps_that_are_under_way_when_a_mission_fails_are_aborted(lab: Lab) -> None:
+def test_unfinished_steps_of_a_failed_mission_are_aborted(lab: Lab) -> None:
     one, other = "wait: {agents: cf1, seconds: 1, fails: tired}", "wait: {agents: cf2, seconds: 9}"
     summary = lab.fly(f"\n  - climb: {{}}\n  - parallel:\n      - {one}\n      - {other}")
     _, failed, aborted = summary["steps"]

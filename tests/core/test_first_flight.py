@@ -29,7 +29,7 @@ def first(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any
     return out, flown(out)
 
 
-def test_drifting_drones_that_swap_positions_stay_apart_and_fly_differently_with_another_seed(
+def test_drifting_drones_swap_safely_and_vary_with_the_seed(
     first: tuple[Path, dict[str, Any]], tmp_path: Path
 ) -> None:
     summary = flown(tmp_path, "--seed", "1")

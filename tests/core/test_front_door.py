@@ -50,7 +50,7 @@ def test_a_name_that_is_not_there_is_an_attribute_error() -> None:
         "from star_core import Problem, StarError, Status",
     ],
 )
-def test_what_a_plugin_needs_to_announce_itself_and_to_check_costs_nothing_heavy(
+def test_plugin_announcements_and_checks_import_nothing_heavy(
     statement: str,
 ) -> None:
     assert imported_after(statement) == set()
@@ -61,7 +61,7 @@ def test_a_table_brings_numpy() -> None:
 
 
 @pytest.mark.usefixtures("hop")
-def test_a_simulated_flight_imports_no_vision_no_radio_and_no_signal_processing() -> None:
+def test_simulated_flights_import_no_vision_radio_or_dsp() -> None:
     flight = "from star_core.commands.main import main\nmain(['run', 'hop.yaml', '--no-record'])"
     names = imported_after(flight)
     assert "numpy" in names

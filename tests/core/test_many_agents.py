@@ -53,7 +53,7 @@ def test_a_scene_names_at_most_ten_agents() -> None:
     assert scene.label(range(999)) == SHORT.replace("990", "989")
 
 
-def test_a_thousand_agents_in_the_air_at_the_end_are_not_all_named(swarm: Lab) -> None:
+def test_reports_on_a_thousand_airborne_agents_are_abbreviated(swarm: Lab) -> None:
     swarm.spoil("transport", "receive", flying)
     summary = swarm.fly("\n  - climb: {timeout: 0.3}\n")
     late = "climb all agents failed: timed out after 0.3 s: cf1 is taking off, cf2 is"
@@ -67,7 +67,7 @@ def test_a_thousand_agents_in_the_air_at_the_end_are_not_all_named(swarm: Lab) -
     assert [cause.split()[0] for cause in step["causes"]] == list(NAMES)
 
 
-def test_a_misspelled_agent_of_a_thousand_is_refused_in_a_short_line(swarm: Lab) -> None:
+def test_misspelt_agents_in_large_swarms_give_a_short_error(swarm: Lab) -> None:
     with pytest.raises(StarError) as raised:
         swarm.load("\n  - climb: {agents: zzz}\n")
     assert f"there are: {SHORT.replace('990', '991')} [unknown-agent]" in str(raised.value)

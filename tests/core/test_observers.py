@@ -66,7 +66,7 @@ def watched(lab: Lab, watcher: object, name: str = "watch") -> None:
 
 @pytest.mark.parametrize("hook", WATCHING)
 @pytest.mark.parametrize("error", [RuntimeError("boom"), SystemExit("boom")], ids=["raise", "exit"])
-def test_an_observer_that_raises_is_dropped_and_the_flight_goes_on(
+def test_observers_that_raise_are_dropped_and_the_flight_goes_on(
     lab: Lab, hook: str, error: BaseException, caplog: pytest.LogCaptureFixture
 ) -> None:
     watcher = Watcher(hook, error)
@@ -108,7 +108,7 @@ def test_the_others_receive_what_an_observer_raised_at(lab: Lab) -> None:
     assert before.hooks.count("star_ticked") == after.hooks.count("star_ticked") == ticks
 
 
-def test_each_of_two_observers_that_raise_at_one_event_is_dropped_once(lab: Lab) -> None:
+def test_two_observers_raising_at_one_event_are_dropped_once(lab: Lab) -> None:
     watchers = [Watcher("star_event"), Watcher("star_event")]
     for i, watcher in enumerate(watchers):
         watched(lab, watcher, f"watch{i}")
@@ -117,7 +117,7 @@ def test_each_of_two_observers_that_raise_at_one_event_is_dropped_once(lab: Lab)
     assert len(lab.said("observer")) == 2
 
 
-def test_the_start_is_reported_first_and_the_end_last_and_each_once(lab: Lab) -> None:
+def test_start_is_reported_first_and_end_last_once_each(lab: Lab) -> None:
     watcher = Watcher()
     watched(lab, watcher)
     lab.fly()
@@ -143,9 +143,7 @@ def test_nothing_has_moved_when_the_start_is_reported(lab: Lab) -> None:
 
 
 @pytest.mark.parametrize("broken", [None, "planner"])
-def test_the_end_is_reported_when_all_agents_are_down_and_the_links_are_closed(
-    lab: Lab, broken: str | None
-) -> None:
+def test_end_is_reported_after_all_landed_and_links_closed(lab: Lab, broken: str | None) -> None:
     seen: list[Any] = []
 
     class Last:
@@ -248,7 +246,7 @@ def test_a_wrapper_runs_once_around_all_observers(lab: Lab) -> None:
 
 
 @pytest.mark.parametrize("when", ["before", "after"])
-def test_a_wrapper_that_raises_is_dropped_and_the_others_are_called(lab: Lab, when: str) -> None:
+def test_wrappers_that_raise_are_dropped_and_others_still_called(lab: Lab, when: str) -> None:
     log: list[str] = []
     watched(lab, Logging(log, "a"), "a")
     watched(lab, Wrapping(log, **{when: "boom"}), "wrapping")
@@ -260,7 +258,7 @@ def test_a_wrapper_that_raises_is_dropped_and_the_others_are_called(lab: Lab, wh
     assert log.count("a") == len(lab.ticks)
 
 
-def test_an_observer_that_raises_inside_a_wrapper_is_dropped_alone(lab: Lab) -> None:
+def test_observers_raising_inside_a_wrapper_are_dropped_alone(lab: Lab) -> None:
     log: list[str] = []
     watched(lab, Watcher("star_ticked"), "bad")
     watched(lab, Wrapping(log), "wrapping")

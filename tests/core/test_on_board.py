@@ -119,7 +119,7 @@ def test_nothing_is_uploaded_if_nothing_is_flown_on_board(
 
 
 @pytest.mark.usefixtures("tracer")
-def test_a_transport_that_flies_none_is_refused_before_its_links_are_opened(lab: Lab) -> None:
+def test_transports_without_trajectories_are_refused_unconnected(lab: Lab) -> None:
     lab.spoil("transport", "connect", RuntimeError("opened"))
     with pytest.raises(PluginError) as raised:
         lab.fly(TRACE)
@@ -148,7 +148,7 @@ def test_a_trajectory_is_ordered_in_each_odometry_frame(lab: Lab) -> None:
 
 
 @pytest.mark.usefixtures("uploads")
-def test_no_agent_is_steered_while_it_flies_on_board_and_all_are_after(lab: Lab) -> None:
+def test_on_board_flight_suspends_steering_until_its_end(lab: Lab) -> None:
     assert lab.fly(TRACE)["outcome"] == "completed"
     begin, times = began(lab), np.array(steered(lab))
     assert not ((times >= begin) & (times < begin + SECONDS - 1e-6)).any()
@@ -175,7 +175,7 @@ def test_an_agent_is_steered_again_when_its_step_fails(lab: Lab) -> None:
 
 
 @pytest.mark.usefixtures("uploads")
-def test_an_agent_that_a_safety_rule_takes_out_of_the_mission_is_steered_again(lab: Lab) -> None:
+def test_agents_removed_by_a_safety_rule_are_steered_again(lab: Lab) -> None:
     def receive(right: Any) -> Any:
         telemetry = right()
         follows = any(command.order is Order.FOLLOW for _, command in lab.robots.commands)
@@ -189,7 +189,7 @@ def test_an_agent_that_a_safety_rule_takes_out_of_the_mission_is_steered_again(l
 
 
 @pytest.mark.usefixtures("uploads")
-def test_all_agents_land_out_of_a_trajectory_when_the_operator_ends_the_flight(lab: Lab) -> None:
+def test_operator_stop_lands_agents_out_of_a_trajectory(lab: Lab) -> None:
     operator = Operator()
 
     def end(right: Any, command: Command) -> None:

@@ -57,7 +57,7 @@ def test_an_interrupt_before_anybody_flies_orders_nothing(lab: Lab) -> None:
     assert lab.robots.commands == []
 
 
-def test_an_interrupt_while_the_mission_lands_orders_no_second_landing(lab: Lab) -> None:
+def test_interrupts_during_landing_order_no_second_landing(lab: Lab) -> None:
     summary = lab.fly(operator=interrupted(lab, 3.5))
     assert summary["outcome"] == "aborted"
     assert sorted(lab.ordered(Order.LAND)) == [0, 1]
@@ -74,7 +74,7 @@ def test_two_interrupts_stop_the_motors_and_abort(lab: Lab, times: tuple[float, 
     assert lab.closed["transport"] == 1
 
 
-def test_a_landing_that_a_step_began_is_waited_for_as_long_as_it_takes(lab: Lab) -> None:
+def test_landings_begun_by_a_step_are_awaited_to_their_end(lab: Lab) -> None:
     steps = "\n  - climb: {}\n  - descend: {seconds: 18}"
     summary = lab.fly(steps, operator=interrupted(lab, 3.0))
     assert summary["reason"] == "interrupted by the operator"
@@ -89,7 +89,7 @@ def test_the_motors_of_agents_that_are_down_are_not_stopped(lab: Lab) -> None:
     assert lab.ordered(Order.STOP) == [1]
 
 
-def test_two_interrupts_stop_the_motors_while_a_broken_plugin_is_landed(lab: Lab) -> None:
+def test_two_interrupts_stop_the_motors_despite_a_broken_plugin(lab: Lab) -> None:
     lab.spoil("planner", "plan", RuntimeError("boom"), range(20, 10**6))
     summary = lab.fly(operator=interrupted(lab, 3.0, 3.0))
     assert summary["outcome"] == "failed"

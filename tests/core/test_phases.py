@@ -172,7 +172,7 @@ def test_what_an_agent_reported_long_ago_means_nothing(
         (EMERGENCY, EMERGENCY),
     ],
 )
-def test_an_agent_that_flies_and_is_not_heard_or_not_located_is_lost(
+def test_flying_agents_not_heard_or_located_are_lost(
     before: AgentPhase,
     after: AgentPhase,
     heard: bool,  # noqa: FBT001 -- what is reported
@@ -182,7 +182,7 @@ def test_an_agent_that_flies_and_is_not_heard_or_not_located_is_lost(
 
 
 @pytest.mark.parametrize(("heard", "located"), [(False, True), (True, False)])
-def test_an_agent_that_is_lost_while_it_reports_the_same_is_lost_all_the_same(
+def test_agents_are_lost_although_their_reports_do_not_change(
     heard: bool,  # noqa: FBT001 -- what is reported
     located: bool,  # noqa: FBT001
 ) -> None:
@@ -193,7 +193,7 @@ def test_an_agent_that_is_lost_while_it_reports_the_same_is_lost_all_the_same(
     assert phases.of_agents().tolist() == [LOST]
 
 
-def test_an_agent_that_was_lost_and_does_not_fly_is_not_flown_again() -> None:
+def test_lost_agents_that_do_not_fly_stay_lost() -> None:
     assert observed(AgentPhase.LOST, Supervisor.COMMANDER_FINISHED) is AgentPhase.LOST
     assert observed(AgentPhase.LOST, Supervisor.FLYING) is AgentPhase.FLYING
 

@@ -76,7 +76,7 @@ def brought_down(lab: Lab) -> bool:
     ],
     ids=["raises", "raises STAR's own", "exits", "makes something else"],
 )
-def test_nothing_moves_when_a_part_cannot_be_made_and_it_is_named(
+def test_plugins_that_cannot_be_made_are_named_before_any_motion(
     lab: Lab, role: str, wrong: Wrong, message: str
 ) -> None:
     lab.spoil(role, "make", wrong)
@@ -88,7 +88,7 @@ def test_nothing_moves_when_a_part_cannot_be_made_and_it_is_named(
 
 
 @pytest.mark.parametrize("role", NAMED)
-def test_the_parts_that_were_made_are_closed_when_the_next_cannot_be(lab: Lab, role: str) -> None:
+def test_plugins_already_made_are_closed_if_the_next_fails(lab: Lab, role: str) -> None:
     lab.spoil(role, "make", BOOM)
     with pytest.raises(PluginError):
         lab.fly()
@@ -96,7 +96,7 @@ def test_the_parts_that_were_made_are_closed_when_the_next_cannot_be(lab: Lab, r
     assert {kind: lab.closed[kind] for kind in PARTS} == {k: int(k in made) for k in PARTS}
 
 
-def test_links_that_cannot_be_opened_are_reported_and_every_part_is_closed(lab: Lab) -> None:
+def test_failing_links_are_reported_and_all_plugins_closed(lab: Lab) -> None:
     lab.spoil("transport", "connect", PluginError("cannot reach cf2 [plugin-failed]"))
     with pytest.raises(PluginError) as caught:
         lab.fly()
@@ -116,7 +116,7 @@ def test_links_that_cannot_be_opened_are_reported_and_every_part_is_closed(lab: 
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )
-def test_all_agents_land_when_a_part_raises_in_flight_and_it_is_named(
+def test_plugins_raising_in_flight_are_named_and_all_agents_land(
     lab: Lab, role: str, method: str, calls: range | None
 ) -> None:
     lab.spoil(role, method, BOOM, calls)
@@ -223,7 +223,7 @@ def ordering(order: Any = Order.GOTO, duration: float = 1.0) -> TaskOutput:
         ("wait", "step", lambda *_: FOR_FOUR, "returned Setpoint, expected TaskOutput"),
     ],
 )
-def test_all_agents_land_when_an_answer_breaks_its_contract_and_the_part_is_named(
+def test_broken_contracts_name_the_plugin_and_land_all_agents(
     lab: Lab, role: str, method: str, wrong: Wrong, message: str
 ) -> None:
     lab.spoil(role, method, wrong, {"wait": None}.get(role, ONCE if method == "wait" else FLYING))
@@ -234,7 +234,7 @@ def test_all_agents_land_when_an_answer_breaks_its_contract_and_the_part_is_name
     assert brought_down(lab)
 
 
-def test_the_field_with_the_wrong_number_of_rows_is_named_though_others_follow_it(
+def test_wrong_row_counts_are_reported_for_every_field(
     lab: Lab,
 ) -> None:
     first = np.zeros((1, 3))
@@ -246,7 +246,7 @@ def test_the_field_with_the_wrong_number_of_rows_is_named_though_others_follow_i
     assert brought_down(lab)
 
 
-def test_a_part_that_is_made_or_called_with_other_arguments_is_named_with_its_line(
+def test_plugins_with_wrong_signatures_are_reported_with_line(
     hop: Path,
 ) -> None:
     def of(make: Callable[..., Any]) -> str:
@@ -289,7 +289,7 @@ def test_every_task_is_closed_once(lab: Lab) -> None:
 
 @pytest.mark.parametrize("wrong", [BOOM, SystemExit("bye")], ids=["raises", "exits"])
 @pytest.mark.parametrize("role", PARTS)
-def test_a_part_that_cannot_be_closed_is_reported_and_the_others_are_closed(
+def test_plugins_failing_to_close_are_reported_and_others_closed(
     lab: Lab, role: str, wrong: Wrong
 ) -> None:
     lab.spoil(role, "close", wrong)
@@ -323,7 +323,7 @@ def test_a_clock_that_gives_a_wrong_time_names_the_transport(lab: Lab, time: flo
     assert lab.fly()["reason"].startswith(f"{NAMED['transport']}: ")
 
 
-def test_no_step_takes_for_ever_when_a_localizer_gives_a_wrong_time(lab: Lab) -> None:
+def test_steps_end_although_a_localizer_reports_wrong_time(lab: Lab) -> None:
     lab.spoil("localizer", "locate", change(time=0.0))
     lab.fly()
     assert lab.ticks[-1].time < 40.0
@@ -392,7 +392,7 @@ def corrections(position: float, agent: int = 1) -> Corrections:
     return Corrections(np.array([agent]), np.full((1, 3), position), attitude, one, one)
 
 
-def test_a_localizers_corrections_reach_the_transport_and_no_other_plugin(
+def test_localizer_corrections_reach_the_transport(
     lab: Lab,
 ) -> None:
     lab.spoil("localizer", "locate", change(corrections=corrections(0.5)), ONCE)
@@ -402,9 +402,7 @@ def test_a_localizers_corrections_reach_the_transport_and_no_other_plugin(
 
 
 @pytest.mark.parametrize("wrong", [corrections(np.nan), corrections(0.5, agent=2)])
-def test_a_correction_of_no_agent_or_to_nowhere_names_the_localizer(
-    lab: Lab, wrong: Corrections
-) -> None:
+def test_invalid_corrections_are_attributed_to_the_localizer(lab: Lab, wrong: Corrections) -> None:
     lab.spoil("localizer", "locate", change(corrections=wrong), FLYING)
     assert lab.fly()["reason"].startswith(f"{NAMED['localizer']}: Estimate.corrections.")
     assert lab.robots.corrected == []

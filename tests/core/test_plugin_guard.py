@@ -25,7 +25,7 @@ def test_nothing_is_blamed_when_nothing_is_raised() -> None:
     assert answer == 42
 
 
-def test_what_a_plugin_raises_is_reported_with_its_kind_and_its_place() -> None:
+def test_plugin_errors_are_reported_with_kind_and_location() -> None:
     reported = str(blamed(ZeroDivisionError("by nought")))
     assert reported.startswith(f"{PLUGIN}: ZeroDivisionError: by nought ({__file__}:")
 
@@ -41,7 +41,7 @@ def test_the_place_is_that_of_the_innermost_call() -> None:
     )
 
 
-def test_the_place_is_inside_the_plugin_and_not_where_it_was_called() -> None:
+def test_error_locations_are_inside_the_plugin() -> None:
     def plugin() -> None:
         raise RuntimeError("boom")
 

@@ -128,7 +128,7 @@ def test_a_step_holds_what_its_options_identify(given: dict[str, Any], expected:
     assert held(offer("x"), given) == ()
 
 
-def test_options_that_are_not_given_have_the_defaults_of_the_schema() -> None:
+def test_absent_options_get_the_defaults_of_the_schema() -> None:
     inner = {"properties": {"rate": {"default": 5}, "name": {}}}
     schema = {"properties": {"gap": {"default": [1]}, "one": inner, "two": inner, "free": True}}
     filled = fill_defaults({"one": {"name": "x"}}, schema)

@@ -71,7 +71,7 @@ def star_planners():
 IMPORTS = "from star_core import AvoiderSpec, PlannerSpec, TaskSpec, hookimpl\n@hookimpl\n"
 
 
-def test_an_installed_plugin_is_found_with_its_distribution_and_version(
+def test_installed_plugins_have_their_distribution_and_version(
     install: Callable[[str, str], None],
 ) -> None:
     install("good_star", GOOD)
@@ -109,7 +109,7 @@ def test_a_broken_plugin_is_left_out_and_grounds_no_other(
     assert registry.broken[Source("bad_star-dist:bad_star", "1.0")].startswith(why)
 
 
-def test_a_plugin_that_was_left_out_is_named_where_its_offer_is_missed(
+def test_missing_names_report_the_plugins_left_out(
     install: Callable[[str, str], None],
 ) -> None:
     install("bad_star", "1 / 0")
@@ -372,7 +372,7 @@ def test_a_wrapper_that_raises_is_refused_when_it_is_added(registry: Registry) -
     assert not registry.manager.has_plugin("my-dist:hiding")
 
 
-def test_a_wrapper_that_raises_later_is_left_out_and_grounds_no_other(registry: Registry) -> None:
+def test_wrappers_that_raise_later_are_left_out_alone(registry: Registry) -> None:
     registry.add(Hiding(error=RuntimeError("boom")), Source("my-dist:hiding", "1.0"))
     registry.add(Planners("stay"), Source("a:a"))
     assert registry.names("planner") == ("stay",)

@@ -118,9 +118,7 @@ class Frozen:
 
 
 @pytest.mark.parametrize("realtime", [False, True])
-def test_objects_of_before_a_flight_in_real_time_are_not_collected_in_it(
-    lab: Lab, *, realtime: bool
-) -> None:
+def test_real_time_flights_freeze_earlier_objects_from_gc(lab: Lab, *, realtime: bool) -> None:
     frozen = Frozen()
     lab.realtime = realtime
     lab.registry = Registry(star_yaml, installed=False)
@@ -177,7 +175,7 @@ def test_a_landing_from_low_down_is_given_time(lab: Lab, height: float) -> None:
     assert [c.duration[c.agent == 1].tolist() for c in landings] == [[slow]]
 
 
-def test_a_landing_that_begins_in_a_climb_is_given_the_time_from_where_the_plan_is(
+def test_landings_during_a_climb_are_timed_from_planned_height(
     lab: Lab,
 ) -> None:
     lab.spoil("planner", "plan", BOOM, FLYING)  # the landing does not wait for it to be at rest
@@ -189,13 +187,13 @@ def test_a_landing_that_begins_in_a_climb_is_given_the_time_from_where_the_plan_
     )
 
 
-def test_agents_that_never_left_the_ground_are_not_commanded_to_land(lab: Lab) -> None:
+def test_agents_that_never_took_off_are_not_landed(lab: Lab) -> None:
     lab.fly("\n  - climb: {agents: cf1}\n  - wait: {seconds: 1}")
     assert lab.ordered(Order.LAND) == [0]
     assert lab.went("cf2") == []
 
 
-def test_a_dead_transport_is_closed_though_no_agent_could_be_landed(lab: Lab) -> None:
+def test_dead_transports_are_closed_although_no_agent_landed(lab: Lab) -> None:
     for method, calls in (("wait", FLYING), ("send", FLYING), ("command", range(1, 10**6))):
         lab.spoil("transport", method, BOOM, calls)
     summary = lab.fly()
@@ -210,7 +208,7 @@ def test_a_dead_transport_is_closed_though_no_agent_could_be_landed(lab: Lab) ->
     assert lab.closed["transport"] == 1
 
 
-def test_a_transport_that_obeys_orders_lands_all_agents_though_it_sends_nothing(lab: Lab) -> None:
+def test_transports_that_only_fail_to_send_still_land_agents(lab: Lab) -> None:
     lab.spoil("transport", "send", BOOM, FLYING)
     lab.fly()
     assert [lab.went(name)[-1] for name in lab.swarm] == ["landed", "landed"]
@@ -231,7 +229,7 @@ def test_nothing_is_sent_once_a_planner_is_broken(lab: Lab) -> None:
     assert max(time for time, _ in lab.robots.sent) == pytest.approx(2.1)  # two were tolerated
 
 
-def test_agents_that_do_not_report_to_be_down_are_named_and_not_waited_for_for_ever(
+def test_agents_that_report_no_landing_are_named_after_a_timeout(
     lab: Lab,
 ) -> None:
     lab.spoil("transport", "receive", bits(1, Supervisor.FLYING))
@@ -264,7 +262,7 @@ def silent(since: float) -> Callable[..., Telemetry]:
         ("\n  - climb: {}", 3.0, 3.0 + MAX_SILENCE),
     ],
 )
-def test_an_agent_that_is_gone_for_good_is_not_waited_for_once_its_landing_is_over(
+def test_agents_never_heard_again_are_awaited_until_landing_time(
     lab: Lab, steps: str, since: float, ends: float
 ) -> None:
     lab.spoil("transport", "receive", silent(since))
@@ -273,7 +271,7 @@ def test_an_agent_that_is_gone_for_good_is_not_waited_for_once_its_landing_is_ov
     assert lab.ticks[-1].time == pytest.approx(ends, abs=0.3)
 
 
-def test_the_end_of_a_landing_that_is_not_heard_is_soon_a_failure(lab: Lab) -> None:
+def test_unheard_ends_of_landings_soon_fail_the_mission(lab: Lab) -> None:
     lab.spoil("transport", "receive", silent(3.5))
     summary = lab.fly()
     assert summary["reason"].startswith("cf2 is lost")
@@ -295,7 +293,7 @@ def test_an_agent_that_is_lost_in_its_take_off_fails_the_mission(lab: Lab) -> No
     assert airborne.text.startswith("cf2 may be in the air: not heard for ")
 
 
-def test_an_agent_that_setpoints_flew_counts_as_landed_by_its_watchdog(lab: Lab) -> None:
+def test_agents_under_setpoints_are_landed_by_their_watchdog(lab: Lab) -> None:
     lab.spoil("transport", "receive", silent(2.0))
     summary = lab.fly(f"{TOUR}{LEAVES.format('land')}")
     assert (summary["outcome"], outcome_of(summary)) == ("completed", 0)
@@ -304,7 +302,7 @@ def test_an_agent_that_setpoints_flew_counts_as_landed_by_its_watchdog(lab: Lab)
     assert text.endswith(" s: down, at the latest by its own watchdog")
 
 
-def test_motors_that_a_lost_agent_was_to_stop_are_not_known_to_be_off(lab: Lab) -> None:
+def test_lost_agents_are_not_assumed_to_have_stopped_motors(lab: Lab) -> None:
     lab.spoil("transport", "receive", silent(0.3))
     summary = lab.fly(f"{TOUR}{LEAVES.format('stop')}")
     assert lab.went("cf2")[-1] == "emergency"
@@ -340,7 +338,7 @@ def test_a_reserve_with_a_low_battery_does_not_prevent_the_start(lab: Lab) -> No
     assert outcome_of(summary) == 0
 
 
-def test_an_interrupt_while_a_plugin_is_closed_leaves_the_record_complete(lab: Lab) -> None:
+def test_interrupts_while_closing_plugins_complete_the_record(lab: Lab) -> None:
     lab.spoil("transport", "close", KeyboardInterrupt())
     with pytest.raises(KeyboardInterrupt):
         lab.fly()
@@ -379,13 +377,13 @@ def test_an_agent_that_rebooted_is_reported_once_and_not_landed(
     assert 1 not in lab.ordered(Order.LAND)
 
 
-def test_an_agent_that_reboots_when_it_has_landed_does_not_fail_the_mission(lab: Lab) -> None:
+def test_reboots_after_landing_do_not_fail_the_mission(lab: Lab) -> None:
     lab.spoil("transport", "receive", rebooted(6.0))
     steps = "\n  - climb: {}\n  - descend: {agents: cf2}\n  - wait: {seconds: 5}"
     assert lab.fly(steps)["outcome"] == "completed"
 
 
-def test_why_a_mission_failed_is_reported_before_what_went_wrong_on_the_way_down(lab: Lab) -> None:
+def test_failure_reason_precedes_problems_while_landing(lab: Lab) -> None:
     lab.spoil("transport", "receive", bits(1, Supervisor.FLYING))
     summary = lab.fly(f"{IN_THE_AIR}\n  - wait: {{seconds: 9, limit: 1}}")
     why, _, then = summary["reason"].partition("; ")
@@ -402,7 +400,7 @@ def test_why_a_mission_failed_is_reported_before_what_went_wrong_on_the_way_down
         (Supervisor.DECK_FAULT, "deck fault"),
     ],
 )
-def test_an_agent_in_an_emergency_fails_its_step_and_the_others_land(
+def test_emergencies_fail_the_step_and_land_the_others(
     lab: Lab, bit: Supervisor, cause: str
 ) -> None:
     lab.spoil("transport", "receive", bits(1, bit))
@@ -415,7 +413,7 @@ def test_an_agent_in_an_emergency_fails_its_step_and_the_others_land(
     assert lab.ordered(Order.LAND) == [0]
 
 
-def test_a_mission_is_not_completed_when_an_agent_ended_in_an_emergency(lab: Lab) -> None:
+def test_emergencies_at_the_end_fail_the_mission(lab: Lab) -> None:
     lab.spoil("transport", "receive", bits(1, Supervisor.CRASHED, since=3.5))
     summary = lab.fly(IN_THE_AIR)
     assert (summary["outcome"], summary["reason"]) == ("failed", "cf2 ended in emergency")
@@ -466,7 +464,7 @@ def test_agents_that_are_heard_but_not_located_brake(lab: Lab) -> None:
     assert all((sent.velocity[1] == 0).all() for sent in meanwhile)
 
 
-def test_an_agent_that_flies_to_a_place_on_its_own_is_not_sent_anything(lab: Lab) -> None:
+def test_agents_on_an_on_board_goto_are_sent_no_setpoints(lab: Lab) -> None:
     lab.spoil("planner", "plan", active)
     lab.spoil("avoider", "avoid", active)
     lab.fly("\n  - climb: {}\n  - ride: {agents: cf2, to: [0, 2, 1], seconds: 2}\n  - descend: {}")
@@ -479,7 +477,7 @@ def test_an_agent_that_flies_to_a_place_on_its_own_is_not_sent_anything(lab: Lab
     assert riding == [[True, False]] * 20
 
 
-def test_a_report_of_the_order_before_does_not_end_a_flight_to_a_place(lab: Lab) -> None:
+def test_stale_commander_reports_do_not_end_a_goto(lab: Lab) -> None:
     def late(right: Callable[[], Telemetry]) -> Telemetry:
         over = int(Supervisor.COMMANDER_FINISHED)  # of the climb, as a slow link still tells it
         telemetry = right()
@@ -492,7 +490,7 @@ def test_a_report_of_the_order_before_does_not_end_a_flight_to_a_place(lab: Lab)
     assert not any(sent.active[1] for sent in riding)
 
 
-def test_an_agent_that_arrived_on_its_own_is_sent_setpoints_again(lab: Lab) -> None:
+def test_agents_get_setpoints_again_after_an_on_board_goto(lab: Lab) -> None:
     lab.fly(
         "\n  - climb: {}\n  - ride: {agents: cf2, to: [0, 2, 1]}"
         "\n  - visit: {agents: cf2, to: [0, 3, 1]}"
@@ -507,7 +505,7 @@ def test_rows_that_the_avoider_adds_are_not_sent(lab: Lab) -> None:
     assert not any(sent.active[1] for _, sent in lab.robots.sent)
 
 
-def test_an_agent_that_flies_and_is_left_out_by_the_planner_is_commanded_to_brake(lab: Lab) -> None:
+def test_flying_agents_omitted_by_the_planner_are_braked(lab: Lab) -> None:
     lab.spoil("planner", "plan", lambda right, *args: only_first(right(*args)))
     lab.fly(PLACES)
     both = [sent for _, sent in lab.robots.sent if sent.active.all()]
@@ -519,7 +517,7 @@ def only_first(plan: Plan) -> Plan:
     return replace(plan, setpoint=replace(plan.setpoint, active=plan.setpoint.active & FIRST))
 
 
-def test_an_agent_that_flies_and_is_left_out_by_the_avoider_is_commanded_to_brake(lab: Lab) -> None:
+def test_flying_agents_omitted_by_the_avoider_are_braked(lab: Lab) -> None:
     lab.spoil("avoider", "avoid", lambda _right, _now, wanted: replace(wanted, active=[False] * 2))
     lab.fly(IN_THE_AIR)
     assert any(sent.active.all() for _, sent in lab.robots.sent)
@@ -532,7 +530,7 @@ def test_no_agent_is_sent_faster_than_the_limit(lab: Lab) -> None:
     assert speeds.max() == pytest.approx(0.5)
 
 
-def test_an_avoider_that_is_too_fast_is_limited_and_keeps_its_direction(lab: Lab) -> None:
+def test_excessive_avoider_velocities_are_scaled(lab: Lab) -> None:
     lab.spoil(
         "avoider", "avoid", lambda _r, _now, wanted: replace(wanted, velocity=[[3, 0, 4]] * 2)
     )
@@ -570,7 +568,7 @@ def test_ticks_that_are_missed_are_left_out(lab: Lab) -> None:
     assert np.diff(asked).min() == pytest.approx(0.1)
 
 
-def test_an_agent_that_is_located_no_more_is_commanded_to_land_at_a_height_that_is_a_number(
+def test_unlocated_agents_land_from_finite_heights(
     lab: Lab,
 ) -> None:
     lab.spoil("localizer", "locate", lambda right, *args: nowhere(right(*args)), FLYING)
@@ -594,7 +592,7 @@ def nowhere(estimate: Estimate) -> Estimate:
     )
 
 
-def test_whose_height_is_not_known_is_given_time_to_land_from_the_greatest(lab: Lab) -> None:
+def test_landing_from_unknown_height_allows_for_the_maximum(lab: Lab) -> None:
     def lower(right: Callable[..., Estimate], telemetry: Telemetry) -> Estimate:
         unknown = np.array([0.0, np.nan])[:, None]
         estimate = right(telemetry)
@@ -608,7 +606,7 @@ def test_whose_height_is_not_known_is_given_time_to_land_from_the_greatest(lab: 
     assert duration >= mission.scene.limits.height[1] / LAND_SPEED - 1e-9
 
 
-def test_all_agents_are_commanded_to_land_when_python_itself_is_interrupted(lab: Lab) -> None:
+def test_keyboard_interrupts_land_all_agents(lab: Lab) -> None:
     lab.spoil("planner", "plan", KeyboardInterrupt(), FLYING)
     with pytest.raises(KeyboardInterrupt):
         lab.fly()
@@ -616,7 +614,7 @@ def test_all_agents_are_commanded_to_land_when_python_itself_is_interrupted(lab:
     assert lab.closed["transport"] == 1
 
 
-def test_observers_are_called_at_the_end_when_python_itself_is_interrupted(lab: Lab) -> None:
+def test_keyboard_interrupts_still_notify_observers_of_the_end(lab: Lab) -> None:
     lab.spoil("planner", "plan", KeyboardInterrupt(), FLYING)
     with pytest.raises(KeyboardInterrupt):
         lab.fly()
@@ -632,7 +630,7 @@ def test_a_flight_that_fails_at_once_has_a_summary(lab: Lab) -> None:
     assert summary["position_mse_m2"] is None
 
 
-def test_the_end_has_an_outcome_when_python_is_interrupted_again_while_landing(lab: Lab) -> None:
+def test_interrupts_while_landing_still_record_an_outcome(lab: Lab) -> None:
     lab.spoil("transport", "receive", KeyboardInterrupt(), FLYING)
     with pytest.raises(KeyboardInterrupt):
         lab.fly()

@@ -55,7 +55,7 @@ def test_a_link_inside_the_folder_is_followed(missions: Path) -> None:
     assert inside(missions, "inner/link.csv").read_text(encoding="utf-8") == "1"
 
 
-def test_a_file_that_is_not_there_is_named_with_what_was_perhaps_meant(missions: Path) -> None:
+def test_missing_files_are_reported_with_a_suggestion(missions: Path) -> None:
     (missions / "round.csv").touch()
     expected = (
         "no file 'ronud.csv' in the mission's folder; did you mean 'round.csv'? [file-not-found]"

@@ -45,7 +45,7 @@ def verbs(steps: list[dict[str, Any]]) -> Iterator[str]:
             yield from verbs(inner)
 
 
-def test_the_first_flight_has_a_note_on_what_it_needs_on_hardware() -> None:
+def test_first_flight_notes_its_hardware_requirements() -> None:
     path, registry = MISSIONS / "first_flight.yaml", Registry()
     (line,) = [line for line in path.read_text().splitlines() if line.startswith("transport: ")]
     assert re.search(r"# on hardware: radio, with the extra \[radio\] and a uri per agent$", line)
@@ -82,7 +82,7 @@ def test_rehearsing_three_agents_imports_neither_scipy_nor_numba() -> None:
     subprocess.run([sys.executable, "-c", ask, path], check=True)
 
 
-def test_every_plugin_receives_the_positions_of_targets_as_in_the_schema() -> None:
+def test_plugins_receive_target_positions_as_the_schema_states() -> None:
     targets = load(MISSIONS / "search.yaml", Registry()).scene.world.targets
     assert all(np.isfinite(tag.position).all() for tag in targets)
     said = schema.load("world")["properties"]["targets"]["description"]
@@ -98,7 +98,7 @@ def test_every_verb_occurs_in_a_mission_that_ships() -> None:
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
-def test_a_mission_is_short_has_a_comment_on_what_it_shows_and_names_its_schema(
+def test_missions_are_short_commented_and_name_their_schema(
     path: Path,
 ) -> None:
     lines = path.read_text(encoding="utf-8").splitlines()

@@ -65,7 +65,7 @@ def refusal(folder: Path, *changes: tuple[str, str]) -> str:
     return problem.rpartition("/")[2]
 
 
-def test_a_camera_that_is_in_the_mission_and_in_star_is_named_once(tmp_path: Path) -> None:
+def test_cameras_defined_twice_are_listed_once(tmp_path: Path) -> None:
     wrong = refusal(
         tmp_path, ("cameras: {front:", "cameras: {aideck:"), ("camera: front", "camera: xyz")
     )
@@ -81,7 +81,7 @@ def test_the_tags_of_a_sheet_stand_in_a_row_along_its_own_x_axis(tmp_path: Path)
     assert (first.of, wall.of) == ("floor", "wall")
 
 
-def test_a_sheet_that_is_rolled_by_a_quarter_stands_up_and_faces_south(tmp_path: Path) -> None:
+def test_sheets_rolled_by_a_quarter_stand_up_and_face_south(tmp_path: Path) -> None:
     *_, wall = mission(tmp_path).scene.world.landmarks
     assert moved(wall.rotation, (0.0, 0.0, 1.0)) == pytest.approx((0.0, -1.0, 0.0))
     assert moved(wall.rotation, (0.0, 1.0, 0.0)) == pytest.approx((0.0, 0.0, 1.0))

@@ -294,7 +294,7 @@ def test_transports_that_break_their_contract_are_refused(
         kit.check_transport(lambda scene: wrong(robots(scene), method, change))
 
 
-def test_the_times_of_calls_are_returned_and_kept_for_pytest_to_print() -> None:
+def test_call_times_are_returned_and_kept_for_pytest() -> None:
     idle = SimpleNamespace(avoid=lambda _now, wanted: wanted)
     times = kit.check_avoider(lambda _scene: idle)
     assert list(times) == [1, 2, 50]

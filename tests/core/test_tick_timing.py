@@ -50,7 +50,7 @@ def test_the_parts_that_took_the_time_are_named() -> None:
     )
 
 
-def test_what_a_part_took_in_earlier_ticks_is_not_held_against_it() -> None:
+def test_compute_time_of_earlier_ticks_is_not_blamed() -> None:
     noted, took = lateness()
     took["safety"] += 5.0
     assert noted.note(1.0, 1.0, dict(took)) == ""
@@ -61,7 +61,7 @@ def test_what_a_part_took_in_earlier_ticks_is_not_held_against_it() -> None:
     )
 
 
-def test_late_ticks_are_reported_now_and_then_and_all_are_counted() -> None:
+def test_late_ticks_are_reported_at_intervals_and_all_counted() -> None:
     noted, took = lateness()
     format_summary = []
     for tick in range(1, 202):
@@ -207,7 +207,7 @@ def test_a_plugin_that_is_too_slow_is_reported_in_the_record(
     assert "  late ticks " in format_summary(summary, None)
 
 
-def test_in_a_simulation_that_waits_for_its_parts_nothing_is_late(hop: Path) -> None:
+def test_simulations_that_wait_for_plugins_are_never_late(hop: Path) -> None:
     registry = Registry(Slow())
     summary = fly(load(hop / "hop.yaml", registry, ["avoider=slow"]), registry)
     assert (summary["late_ticks"], summary["latest_tick_s"]) == (0, 0.0)

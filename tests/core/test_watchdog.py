@@ -45,7 +45,7 @@ class Watched:
 
 
 @pytest.mark.parametrize(("realtime", "step", "usual"), [(True, PERIOD, 1.0), (False, 1.0, 10.0)])
-def test_a_call_is_interrupted_after_its_limit_and_the_first_one_later(
+def test_calls_are_interrupted_after_a_limit_longer_at_first(
     monkeypatch: pytest.MonkeyPatch,
     realtime: bool,  # noqa: FBT001 -- a parameter
     step: float,
@@ -67,7 +67,7 @@ def test_a_pause_of_the_whole_program_interrupts_no_call(monkeypatch: pytest.Mon
     watched.dog._expire(signal.SIGALRM, None)  # no call is watched
 
 
-def test_in_real_time_the_agents_brake_unless_it_is_the_transport_that_hangs(
+def test_agents_brake_in_real_time_unless_the_transport_hangs(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     watched = Watched(monkeypatch, realtime=True)

@@ -90,7 +90,7 @@ def test_a_point_on_the_fence_is_inside(point: Point) -> None:
 
 
 @given(stars(), corners)
-def test_a_point_is_inside_a_polygon_when_it_is_inside_one_of_its_triangles(
+def test_points_are_inside_polygons_if_inside_a_triangle_of_them(
     star: tuple[Corner, ...], point: Corner
 ) -> None:
     assume(all(abs(side(a, b, point)) > 1e-6 for a, b in pairwise((*star, star[0]))))
@@ -100,7 +100,7 @@ def test_a_point_is_inside_a_polygon_when_it_is_inside_one_of_its_triangles(
 
 
 @given(stars(), corners, st.integers(0, 8), st.sampled_from([1, -1]))
-def test_where_a_polygon_begins_and_which_way_round_it_goes_does_not_matter(
+def test_first_corner_and_winding_of_polygons_do_not_matter(
     star: tuple[Corner, ...], point: Corner, begin: int, step: int
 ) -> None:
     assume(all(abs(side(a, b, point)) > 1e-6 for a, b in pairwise((*star, star[0]))))
@@ -126,7 +126,7 @@ def test_an_obstacle_reaches_from_its_foot_to_its_top(z: float, *, inside: bool)
 
 
 @given(corners, corners, st.floats(0.01, 1), st.floats(0, 1), st.floats(-1, 1))
-def test_a_wall_covers_what_is_nearer_to_its_line_than_half_its_thickness(
+def test_walls_cover_half_their_thickness_to_each_side(
     a: Corner, b: Corner, thickness: float, along: float, across: float
 ) -> None:
     length = math.dist(a, b)
@@ -138,7 +138,7 @@ def test_a_wall_covers_what_is_nearer_to_its_line_than_half_its_thickness(
 
 
 @given(st.lists(corners, min_size=2, max_size=5), st.floats(0.01, 1), corners)
-def test_a_wall_covers_nothing_farther_from_its_line_than_its_corners_reach(
+def test_walls_cover_nothing_beyond_the_reach_of_their_corners(
     line: list[Corner], thickness: float, point: Corner
 ) -> None:
     assume(all(math.dist(a, b) > 0.01 for a, b in pairwise(line)))
@@ -169,14 +169,14 @@ def test_a_point_outside_the_fence_is_shown_with_the_fence() -> None:
     )
 
 
-def test_a_point_inside_an_obstacle_is_shown_with_the_name_of_the_obstacle() -> None:
+def test_points_inside_obstacles_are_reported_with_the_name() -> None:
     assert World("room", ROOM, (PILLAR,)).fault((0.5, 0.5, 1.0)) == (
         "[0.5, 0.5, 1] is inside obstacle 'pillar'"
     )
 
 
 @given(stars(), points)
-def test_a_point_is_as_far_from_an_obstacle_as_flights_are_judged_by(
+def test_point_distances_equal_the_distances_that_judge_flights(
     polygon: tuple[Corner, ...], point: Point
 ) -> None:
     thing = Obstacle("thing", (polygon, PILLAR.polygons[0]), (-1, 2))
@@ -185,7 +185,7 @@ def test_a_point_is_as_far_from_an_obstacle_as_flights_are_judged_by(
 
 
 @given(stars(), points, st.floats(0, 5))
-def test_a_drone_touches_exactly_what_its_way_up_is_nearer_to_than_its_radius(
+def test_climbs_touch_obstacles_nearer_than_the_drone_radius(
     polygon: tuple[Corner, ...], low: Point, climb: float
 ) -> None:
     thing, high = Obstacle("thing", (polygon, PILLAR.polygons[0]), (-1, 2)), low[2] + climb
@@ -193,9 +193,7 @@ def test_a_drone_touches_exactly_what_its_way_up_is_nearer_to_than_its_radius(
 
 
 @given(points, st.floats(0, 5))
-def test_a_climb_is_as_far_from_an_obstacle_as_the_nearest_point_of_it(
-    low: Point, climb: float
-) -> None:
+def test_climb_distance_is_that_of_its_nearest_point(low: Point, climb: float) -> None:
     x, y, z = low
     heights = [z + climb * i / 200 for i in range(201)]
     nearest = min(PILLAR.distance((x, y, height), height) for height in heights)
@@ -203,7 +201,7 @@ def test_a_climb_is_as_far_from_an_obstacle_as_the_nearest_point_of_it(
 
 
 @pytest.mark.parametrize("x", [0.0, 1.0])
-def test_a_drone_at_a_face_touches_the_obstacle_whichever_face_it_is(x: float) -> None:
+def test_contact_is_detected_at_every_face(x: float) -> None:
     room = World("room", ROOM, (PILLAR,))
     assert room.contact_fault((x, 0.5, 0.5)) == (
         f"[{x:g}, 0.5, 0.5] is 0 m from obstacle 'pillar', "
@@ -276,7 +274,7 @@ def test_a_stretch_of_no_length_is_refused(shape: str) -> None:
     ]
 
 
-def test_a_polygon_that_repeats_its_first_corner_at_the_end_is_refused() -> None:
+def test_polygons_repeating_their_first_corner_are_refused() -> None:
     box = f"polygon: {TRIANGLE_AND_BACK}, height: [0, 1]"
     (found,) = problems(f"{WORLD}  box: {{{box}}}\n")
     assert found.startswith("room.yaml:6:8: ")
@@ -310,7 +308,7 @@ def test_a_tag_may_be_on_an_obstacle_or_beyond_the_fence(sheet: str) -> None:
     assert problems(f"{text}landmarks:\n  sheet: {sheet}\n") == []
 
 
-def test_everything_wrong_with_a_world_is_listed_in_the_order_of_the_file() -> None:
+def test_all_world_problems_are_listed_in_file_order() -> None:
     world = WORLD.replace("high: [2,", "high: [-2,").replace("[0, 2]", "[3, 2]") + (
         "  bar: {polyline: [[0, 0], [0, 0]], thickness: 0.1, height: [0, 1]}\n"
     )

@@ -95,7 +95,7 @@ def test_there_are_many_files_and_none_is_there_twice() -> None:
 
 
 @pytest.mark.parametrize("case", FAULTY[:: len(FAULTY) // 3], ids=str)
-def test_a_command_of_its_own_ends_with_status_2_and_no_traceback(case: Case) -> None:
+def test_commands_in_a_subprocess_end_with_2_and_no_traceback(case: Case) -> None:
     case.write(Path())
     ended = subprocess.run(
         [sys.executable, "-c", "from star_core.commands.main import main; raise SystemExit(main())",

@@ -204,7 +204,7 @@ def test_the_values_of_an_option_are_offered(
         ("cf1:", "start", "Start", "m"),
     ],
 )
-def test_what_stands_under_the_pointer_is_shown_with_its_title_and_unit(
+def test_hover_shows_title_and_unit(
     hovered: Hovered, where: str, key: str, title: str, unit: str
 ) -> None:
     shown = hovered(MISSION, where, key)
@@ -304,7 +304,7 @@ def test_a_file_of_steps_with_parameters_everywhere_has_no_mark(marked: Marked) 
         ("file: $file", "fle: $file, file: a", "fle"),
     ],
 )
-def test_a_mistake_in_a_file_of_steps_has_one_mark_that_covers_it(
+def test_problems_in_files_of_steps_have_one_covering_mark(
     marked: Marked, right: str, wrong: str, marks: str
 ) -> None:
     text = PATROL.replace(right, wrong)

@@ -21,7 +21,7 @@ def cell(name: str) -> Any:
     return found
 
 
-def test_no_fault_breaks_no_policy_and_a_broken_motor_is_attributed() -> None:
+def test_faultless_flights_pass_and_motor_failure_is_attributed() -> None:
     assert fault_flight.flown(cell("no fault"), 0, "ideal")["broken"] == []
     fallen = fault_flight.flown(cell("a motor stops"), 0, "ideal")
     assert fallen["broken"] == []
@@ -124,7 +124,7 @@ def test_a_file_of_results_is_continued_at_its_commit_only(tmp_path: Path) -> No
         faults._load(options, "two")
 
 
-def test_the_processor_time_of_missing_flights_is_estimated_by_those_flown() -> None:
+def test_cpu_time_of_missing_flights_is_estimated() -> None:
     flights = {"no fault/0": {"cpu_s": 100.0}, "no fault/1": {"cpu_s": 140.0}}
     assert next(faults.costs(flights, [(0, 2), (0, 3)])) == (
         "row 0: 2 flights, 4 min of processor time"

@@ -236,9 +236,7 @@ class _TakeOffEnded(Script):
 
 
 @pytest.mark.parametrize("height", [0.5, 1.0])
-def test_a_take_off_that_is_broken_off_ends_softly_although_drones_lag_their_plans(
-    tmp_path: Path, height: float
-) -> None:
+def test_aborted_takeoffs_of_lagging_drones_end_softly(tmp_path: Path, height: float) -> None:
     steps = f"  - takeoff: {{height: {height}}}\n  - land: {{}}\n"
     flight = flown(tmp_path, steps=steps, watch=_TakeOffEnded(), feed_forward=False)
     assert flight.summary["outcome"] == "aborted"

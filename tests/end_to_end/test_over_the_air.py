@@ -183,7 +183,7 @@ def test_flown_by_whole_states_the_drones_of_the_demo_stay_apart(tmp_path: Path)
 
 
 @pytest.mark.campaign
-def test_without_noise_three_drones_fly_by_what_their_decks_stream_as_in_the_simulator(
+def test_noiseless_streamed_flights_match_the_simulator(
     tmp_path: Path,
 ) -> None:
     mission = MISSIONS / "three_eyes.yaml"
@@ -195,14 +195,14 @@ def test_without_noise_three_drones_fly_by_what_their_decks_stream_as_in_the_sim
 
 
 @pytest.mark.campaign
-def test_three_drones_find_their_places_by_what_their_decks_stream(tmp_path: Path) -> None:
+def test_three_drones_localize_by_streamed_images(tmp_path: Path) -> None:
     mission = MISSIONS / "three_eyes.yaml"
     flown, truth, late = over_the_air(mission, tmp_path / "air", noise=True, cameras=True)
     assert error(flown, truth) < NEAR + SPEED * late
 
 
 @pytest.mark.campaign
-def test_drones_that_receive_their_positions_find_their_places_too(tmp_path: Path) -> None:
+def test_three_drones_localize_with_position_feedback(tmp_path: Path) -> None:
     told = ["localizer={use: apriltag, feedback: extpose}"]
     mission = MISSIONS / "three_eyes.yaml"
     flown, truth, late = over_the_air(

@@ -68,9 +68,7 @@ def test_plugins_of_every_kind_fly_together_and_are_recorded(run: Run, mission: 
     assert run("star", "outcomes").returncode == 2
 
 
-def test_a_mistake_in_the_options_of_a_wrapped_plugin_is_reported_at_its_line(
-    run: Run, mission: Path
-) -> None:
+def test_options_of_wrapped_plugins_are_checked_at_their_line(run: Run, mission: Path) -> None:
     given = "localizer: {use: offset, of: {use: flow, max_report_aeg: 0.3}, by: [0.1, 0, 0]}"
     change(mission, "localizer: flow", given)
     text = (ROOT / "docs" / "plugins" / "localizer.md").read_text()

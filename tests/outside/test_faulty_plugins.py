@@ -35,17 +35,13 @@ def test_all_are_listed_with_the_reason(run: Run) -> None:
     assert whose == {"star-rival 2.0:gentle]", "star-gentle 0.1.0:gentle]"}
 
 
-def test_a_mission_that_uses_none_of_them_flies_and_reports_what_is_left_out(
-    run: Run, mission: Path
-) -> None:
+def test_missions_without_faulty_plugins_fly_and_report_them(run: Run, mission: Path) -> None:
     done = run("star", "run", mission.name, "--no-record", "--set", "avoider=none")
     assert done.returncode == 0, done.stderr
     assert f"star: plugin {BROKEN} is left out: {REASON}" in done.stderr.splitlines()
 
 
-def test_a_mission_that_uses_an_invalid_one_is_refused_and_its_distribution_named(
-    run: Run, mission: Path
-) -> None:
+def test_missions_with_an_invalid_plugin_name_its_distribution(run: Run, mission: Path) -> None:
     mission.write_text(mission.read_text().replace("{use: gentle, radius: 0.4}", "bent"))
     done = run("star", "check", mission.name)
     assert done.returncode == 2
@@ -55,7 +51,7 @@ def test_a_mission_that_uses_an_invalid_one_is_refused_and_its_distribution_name
 
 
 @pytest.mark.parametrize("options", ["", ", radius: 0.4"])
-def test_a_mission_that_uses_a_name_of_two_is_refused_and_both_are_named(
+def test_ambiguous_plugin_names_are_refused_naming_both(
     run: Run, mission: Path, options: str
 ) -> None:
     mission.write_text(mission.read_text().replace(", radius: 0.4", options))
@@ -66,7 +62,7 @@ def test_a_mission_that_uses_a_name_of_two_is_refused_and_both_are_named(
     assert "star-rival 2.0:gentle" in done.stderr
 
 
-def test_the_schema_for_editors_is_written_without_an_invalid_one(run: Run) -> None:
+def test_editor_schema_omits_invalid_plugins(run: Run) -> None:
     done = run("star", "schema")
     assert done.returncode == 0
     assert "bent" not in done.stdout

@@ -72,9 +72,7 @@ def test_both_commands_are_installed() -> None:
     assert scripts["star"].load() is scripts["star-run"].load() is main
 
 
-def test_without_arguments_the_words_of_the_command_line_are_taken(
-    said: Said, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_arguments_default_to_the_command_line(said: Said, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "argv", ["star", "check", "hop.yaml"])
     assert main() == 0
     assert said.readouterr().out == "hop.yaml: 'hop' can be flown, with 2 agents\n"
@@ -161,9 +159,7 @@ def test_a_file_that_missions_name_is_described_as_one(
         (CAMERA.replace("640", "160"), "3:8: the principal point [169.27, 160.6] is outside"),
     ],
 )
-def test_what_is_wrong_with_a_file_that_missions_name_is_reported(
-    said: Said, text: str, fault: str
-) -> None:
+def test_problems_in_referenced_files_are_reported(said: Said, text: str, fault: str) -> None:
     Path("file.yaml").write_text(text)
     assert main(["check", "file.yaml"]) == 2
     out, err = said.readouterr()
@@ -292,7 +288,7 @@ class Signaller:
             signal.raise_signal(self._numbers.pop())
 
 
-def test_a_signal_that_interrupts_a_line_on_stderr_is_acknowledged(
+def test_signals_during_a_write_to_stderr_are_acknowledged(
     with_plugin: Callable[[object], None],
     monkeypatch: pytest.MonkeyPatch,
     capfd: pytest.CaptureFixture[str],
@@ -407,7 +403,7 @@ def test_a_rate_at_which_no_agent_can_fly_is_refused(refused: Callable[..., list
     assert len(refused("check", "hop.yaml", "--set", "rate=1e-300")) == 1
 
 
-def test_an_option_that_is_set_again_and_misspelt_is_refused_with_a_suggestion(
+def test_misspelt_repeated_set_options_get_a_suggestion(
     refused: Callable[..., list[str]],
 ) -> None:
     (line,) = refused("run", "hop.yaml", "--set", "avoider.radius=0.3", "--set", "avoider.radus=1")
@@ -434,7 +430,7 @@ def test_an_option_that_is_set_again_and_misspelt_is_refused_with_a_suggestion(
         ("seed=[1", "'[' is not closed; add ']'"),
     ],
 )
-def test_a_value_that_cannot_be_set_is_reported_with_the_assignment(
+def test_invalid_set_values_are_reported_with_the_assignment(
     refused: Callable[..., list[str]], given: str, line: str
 ) -> None:
     (found,) = refused("run", "hop.yaml", "--set", given)
@@ -492,7 +488,7 @@ def test_what_the_command_line_has_too_much_or_lacks_is_named(
     assert named in refused(*arguments)[-1]
 
 
-def test_an_option_of_a_command_that_is_misspelt_is_refused_with_a_suggestion(
+def test_misspelt_command_options_get_a_suggestion(
     refused: Callable[..., list[str]],
 ) -> None:
     assert "did you mean '--seed'?" in refused("run", "hop.yaml", "--sed", "3")[-1]
@@ -579,7 +575,7 @@ def test_an_option_named_like_one_of_star_run_is_left_out(
         (ValueError("no fingers"), "option 'count' (their-dist 1.2:theirs): ValueError: no finger"),
     ],
 )
-def test_an_option_of_a_plugin_that_cannot_be_used_ends_the_run_before_the_flight(
+def test_unusable_plugin_options_end_the_run_before_the_flight(
     said: Said, with_plugin: Callable[[object], None], wrong: Exception, message: str
 ) -> None:
     with_plugin(Counter(wrong))

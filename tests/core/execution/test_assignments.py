@@ -5,7 +5,7 @@ from __future__ import annotations
 from star_core.execution.assignments import Assignments
 
 
-def test_at_first_each_agent_is_assigned_to_its_own_slot_but_the_reserve_to_none() -> None:
+def test_initially_all_agents_but_reserves_hold_their_own_slots() -> None:
     assignments = Assignments(3, [2])
     assert assignments.holders(range(3)) == {0: 0, 1: 1}
     assert assignments.unassigned().tolist() == [False, False, True]

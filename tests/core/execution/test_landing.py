@@ -87,7 +87,7 @@ mission:
     assert landed(summary) == ["a lands 0.45 m aside: its position is not free"]
 
 
-def test_an_agent_that_lands_over_one_on_the_ground_comes_down_beside_it(
+def test_landing_above_a_grounded_agent_is_moved_aside(
     tmp_path: Path,
 ) -> None:
     mission = """
@@ -216,7 +216,7 @@ def test_a_landing_takes_long_enough_to_touch_down_slowly(
     assert command.position[0, 2] == pytest.approx(-depth)
 
 
-def test_an_agent_that_lands_unlocated_keeps_its_position_from_those_above_it() -> None:
+def test_unlocated_landing_agents_keep_position_below_others() -> None:
     """The lower one is not located: it lands at once, where it is, and the other makes way."""
     landings = Landings([AgentPhase.FLYING] * 2)
     stacked = estimate(np.array([[0.0, 0.0, 1.5], [0.0, 0.0, 0.5]]))
@@ -227,7 +227,7 @@ def test_an_agent_that_lands_unlocated_keeps_its_position_from_those_above_it() 
 
 
 @pytest.mark.parametrize("limit", [3.0, np.inf])
-def test_setpoints_lead_an_agent_down_that_would_drift_in_a_landing(limit: float) -> None:
+def test_drifting_agents_are_led_down_by_setpoints(limit: float) -> None:
     """Until it is on the floor, or as long as a descent from its height may take."""
     landings = Landings([AgentPhase.LOST])
     landings.drifts[0] = True
@@ -265,7 +265,7 @@ def test_no_agent_lands_below_one_that_may_descend(depth: float) -> None:
         ((5.0, 5.0), 0.0, []),
     ],
 )
-def test_an_agent_lands_farther_from_one_on_the_ground_if_positions_are_uncertain(
+def test_landing_clearance_grows_with_position_uncertainty(
     stds: tuple[float, float], margin: float, aside: list[str]
 ) -> None:
     landings = Landings([AgentPhase.FLYING, AgentPhase.LANDED], Limits(uncertainty_margin=margin))
@@ -304,13 +304,13 @@ class Reports:
         return len(self._landings.landed) - before
 
 
-def test_an_agent_that_hovers_after_the_command_to_land_is_commanded_again() -> None:
+def test_hovering_after_a_land_command_repeats_the_command() -> None:
     reports = Reports()
     assert [reports.at(t, HOVERS) for t in (1.05, 1.5, 1.8)] == [0, 0, 1]
     assert [reports.at(t, HOVERS) for t in (1.85, 2.4, 2.6)] == [0, 0, 1]
 
 
-def test_a_report_from_before_the_command_or_of_an_agent_not_heard_repeats_nothing() -> None:
+def test_stale_or_missing_reports_do_not_repeat_a_land_command() -> None:
     reports = Reports()
     assert [reports.at(t, HOVERS, age=t - 0.9) for t in (1.2, 2.0, 4.0)] == [0, 0, 0]
     assert reports.at(2.0, HOVERS, age=0.45) == 0
@@ -327,7 +327,7 @@ def test_an_agent_that_lands_is_not_commanded_again() -> None:
     assert not any(descent + after + over)
 
 
-def test_an_agent_heard_again_after_its_landing_should_have_ended_is_commanded_again() -> None:
+def test_agents_heard_after_their_landing_time_land_again() -> None:
     reports = Reports()
     lands = [t for t in np.arange(9.0, 16.0, 0.05) if reports.at(t, HOVERS)]
     assert lands[0] == pytest.approx(12.0, abs=0.06)
@@ -346,7 +346,7 @@ def test_an_agent_on_the_ground_with_its_motors_on_is_landed(
     assert sum(reports.at(t, HOVERS | bit, height=0.02) for t in times) == landings
 
 
-def test_an_agent_that_always_reports_to_hover_is_commanded_again_three_times() -> None:
+def test_stuck_hover_reports_repeat_landing_three_times() -> None:
     """Reports may be stuck; a flight must end."""
     reports = Reports()
     assert sum(reports.at(t, HOVERS) for t in np.arange(1.05, 60.0, 0.05)) == 3

@@ -61,7 +61,7 @@ def test_a_reserve_takes_over_from_one_whose_battery_is_low(lab: Lab) -> None:
     assert sorted(agents(lab, "descend")[0]) == ["cf2", "cf3"]
 
 
-def test_a_relieved_agent_goes_only_when_the_other_is_there_and_lands_at_home(
+def test_relieved_agents_land_at_home_after_the_reserve_arrives(
     lab: Lab,
 ) -> None:
     lab.spoil("transport", "receive", volts({(0, 2.0): TIRED}))
@@ -115,7 +115,7 @@ def test_no_agent_takes_off_under_another(lab: Lab) -> None:
     assert lab.said("relief") == ["waiting for a reserve to relieve cf1: cf3 cannot take off yet"]
 
 
-def test_all_agents_are_down_when_the_mission_ends_while_a_reserve_climbs(lab: Lab) -> None:
+def test_climbing_reserves_are_down_at_the_end_of_the_mission(lab: Lab) -> None:
     lab.spoil("transport", "receive", volts({(0, 2.0): TIRED}))
     lab.fly(TOUR.replace("seconds: 12", "seconds: 2.2"))
     down = {AgentPhase.GROUNDED, AgentPhase.LANDED}
@@ -123,7 +123,7 @@ def test_all_agents_are_down_when_the_mission_ends_while_a_reserve_climbs(lab: L
     assert 2 in lab.ordered(Order.TAKEOFF)
 
 
-def test_a_reserve_that_comes_when_the_other_has_landed_goes_home(lab: Lab) -> None:
+def test_reserves_go_home_if_the_relieved_agent_has_landed(lab: Lab) -> None:
     lab.spoil("transport", "receive", volts({(0, 2.0): TIRED}))
     summary = lab.fly(TOUR.replace("seconds: 12", "seconds: 3.5").replace(
         "descend: {}", "descend: {}\n  - wait: {seconds: 9}"
@@ -176,7 +176,7 @@ def test_an_agent_that_joins_is_in_the_steps_that_follow(lab: Lab) -> None:
     assert agents(lab, "wait") == [["cf1", "cf2", "cf3"]]
 
 
-def test_an_agent_that_left_is_in_no_step_and_none_fills_its_slot(lab: Lab) -> None:
+def test_slots_of_agents_that_left_stay_empty(lab: Lab) -> None:
     lab.fly(TOUR.replace("  - wait", "  - leave: {agents: cf2}\n  - wait"))
     assert agents(lab, "wait") == [["cf1"]]
     assert lab.said("relief") == []

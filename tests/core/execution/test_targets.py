@@ -56,7 +56,7 @@ def test_one_image_is_not_enough() -> None:
     ) + [[("cat", "cf1")]]
 
 
-def test_its_place_is_the_mean_of_what_was_seen_by_how_sure_that_is() -> None:
+def test_target_positions_are_variance_weighted_means() -> None:
     seen = targets()
     for k in range(MIN_SIGHTINGS):
         seen.add(sighting(0, 40, 0.3, deviation=0.2), k)

@@ -37,7 +37,7 @@ crowds = st.lists(boxes(), min_size=1, max_size=5)
 
 
 @given(crowds, st.floats(0.05, 1), st.tuples(st.floats(-6, 6), st.floats(-6, 6)))
-def test_all_that_is_nearer_than_the_clearance_is_covered_and_nothing_much_farther(
+def test_footprint_covers_the_clearance_and_little_more(
     crowd: list[Obstacle], clearance: float, at: Corner
 ) -> None:
     point = shapely.Point(at)
@@ -92,7 +92,7 @@ def test_only_what_reaches_in_between_counts(low: float, high: float, *, there: 
     assert footprint([shelf], low, high).is_empty is not there
 
 
-def test_a_wall_thinner_than_numbers_resolve_is_in_the_way_all_the_same() -> None:
+def test_walls_below_numeric_resolution_are_still_obstacles() -> None:
     thin = thing(*wall([(0.0, 0.0), (1.0, 0.0)], 1e-300))
     only = footprint([thin], 1.0, 1.0, 0.2)
     assert only.contains(shapely.Point(0.5, 0.19))

@@ -41,7 +41,7 @@ def test_the_sides_of_a_cylinder_touch_its_circle_from_outside(
 
 
 @given(st.lists(st.tuples(st.integers(-4, 4), st.integers(-4, 4)), min_size=3, max_size=7))
-def test_corners_have_no_fault_exactly_when_they_make_a_simple_polygon(
+def test_outlines_are_valid_exactly_if_the_polygon_is_simple(
     grid: list[tuple[int, int]],
 ) -> None:
     ring = shapely.LinearRing(grid)
@@ -84,6 +84,6 @@ def test_nothing_is_refused_that_is_wider_than_the_least_width(
     assert outline_fault(box(centre, (times * width, width), yaw)) is None
 
 
-def test_a_thousand_corners_are_looked_at_without_comparing_all_with_all() -> None:
+def test_outlines_of_thousands_of_corners_are_checked_fast() -> None:
     ring = [(math.cos(math.tau * i / 5000), math.sin(math.tau * i / 5000)) for i in range(5000)]
     assert outline_fault(ring) is None

@@ -114,9 +114,7 @@ INTEGERS = np.zeros(2, np.int64)
          " [wrong-shape]"),
     ],
 )  # fmt: skip
-def test_a_table_names_the_field_that_differs_in_its_number_of_rows(
-    make: Any, message: str
-) -> None:
+def test_tables_name_the_field_with_a_different_row_count(make: Any, message: str) -> None:
     with pytest.raises(ContractError) as caught:
         make()
     assert str(caught.value) == message
@@ -147,7 +145,7 @@ def test_a_table_names_the_field_whose_rows_have_another_shape(velocity: Any, me
          "Setpoint.velocity has 1 row, active has 3 rows, expected 2, one per agent [wrong-shape]"),
     ],
 )  # fmt: skip
-def test_where_the_size_of_the_swarm_is_known_the_fields_with_another_are_named(
+def test_fields_that_do_not_match_the_swarm_size_are_named(
     counts: tuple[int, int, int], agents: int, message: str
 ) -> None:
     with pytest.raises(PluginError) as caught, PluginGuard("avoider 'mine'", agents):

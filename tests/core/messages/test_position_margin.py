@@ -18,7 +18,7 @@ def unsure(spread: Array, turn: float = 0.0) -> Array:
 
 
 @pytest.mark.parametrize("turn", [0.0, 0.3, np.pi / 2, 2.0])
-def test_a_margin_is_along_the_horizontal_direction_of_the_greatest_uncertainty(
+def test_margin_is_the_greatest_horizontal_uncertainty(
     turn: float,
 ) -> None:
     covariance = unsure(np.array([0.05, 0.02, 0.9]), turn)
@@ -26,7 +26,7 @@ def test_a_margin_is_along_the_horizontal_direction_of_the_greatest_uncertainty(
 
 
 @pytest.mark.parametrize("value", [1.0, np.inf, np.nan])
-def test_a_margin_has_a_limit_also_if_the_covariance_is_not_finite(value: float) -> None:
+def test_margin_is_limited_also_for_nonfinite_covariance(value: float) -> None:
     assert position_margin(np.full((1, 3, 3), value), 2.0, 0.2) == pytest.approx([0.4])
 
 

@@ -159,7 +159,7 @@ def test_places_to_fly_to_are_commanded_in_each_odometry_frame(lab: Lab) -> None
     assert command.yaw == pytest.approx([0.0])
 
 
-def test_heights_to_climb_to_are_commanded_in_each_odometry_frame(lab: Lab) -> None:
+def test_climb_heights_are_commanded_in_each_odometry_frame(lab: Lab) -> None:
     askew(lab, BY_ITSELF)
     assert given_order(lab, Order.TAKEOFF).position[:, 2] == pytest.approx([0.7, 0.7])
 
@@ -170,7 +170,7 @@ def test_the_core_lands_just_below_the_floor_of_the_map(lab: Lab) -> None:
     assert [z for one in landings for z in one.position[:, 2]] == pytest.approx([-0.45, -0.45])
 
 
-def test_an_order_for_some_agents_is_turned_into_their_own_frames(lab: Lab) -> None:
+def test_orders_are_transformed_to_the_frames_of_their_agents(lab: Lab) -> None:
     lab.frames = replace(ASKEW, yaw=np.array([math.pi / 2, math.pi]))
     lab.fly("\n  - climb: {}\n  - ride: {agents: cf2, to: [3, 4, 1], yaw_deg: 90}")
     command = given_order(lab, Order.GOTO)

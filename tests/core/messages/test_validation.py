@@ -101,7 +101,7 @@ def line_of(function: Callable[..., Any]) -> str:
     return f"{__file__}:{function.__code__.co_firstlineno}"
 
 
-def test_a_method_that_takes_other_arguments_is_named_with_its_line() -> None:
+def test_methods_with_wrong_arguments_are_reported_with_the_line() -> None:
     class Short:
         def avoid(self, estimate: Estimate) -> None: ...
 
@@ -111,7 +111,7 @@ def test_a_method_that_takes_other_arguments_is_named_with_its_line() -> None:
     )
 
 
-def test_a_function_that_takes_other_options_is_named_with_its_line() -> None:
+def test_functions_with_wrong_options_are_reported_with_the_line() -> None:
     def make(scene: Scene, gain: float) -> None: ...
 
     assert refused(require_signature, make, "make", ("scene",), {"share": 0.8}) == (
@@ -121,7 +121,7 @@ def test_a_function_that_takes_other_options_is_named_with_its_line() -> None:
 
 
 @pytest.mark.parametrize("function", [max, int, lambda *_, **__: None])
-def test_a_function_whose_signature_allows_it_or_cannot_be_known_is_accepted(
+def test_compatible_or_unknown_signatures_are_accepted(
     function: Callable[..., Any],
 ) -> None:
     require_signature(function, "make", ("scene",))
@@ -259,7 +259,7 @@ def test_detections_are_of_agents_that_exist_at_pixels(
     assert refused(checked_estimate, replace(GOOD, detections=bad), 2).startswith(message)
 
 
-def test_an_estimate_that_is_used_again_does_not_repeat_its_detections() -> None:
+def test_reused_estimates_do_not_repeat_their_detections() -> None:
     time = np.zeros(1)
     seen = Detections(np.array([1]), np.array([7]), np.zeros((1, 4, 2)), time, time)
     assert not len(renewed(replace(GOOD, detections=seen), 0.1).detections.tag)

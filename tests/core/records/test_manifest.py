@@ -89,7 +89,7 @@ def unpacked(kept: dict[str, Any], folder: Path) -> Path:
     return folder / "mission.json"
 
 
-def test_a_flight_from_what_the_manifest_keeps_is_the_same_flight(tmp_path: Path) -> None:
+def test_flights_from_a_manifest_repeat_the_flight(tmp_path: Path) -> None:
     changes = ("--seed", "11", "--set", "mission.1.goto.to.2=0.6", "--set", "rate=25")
     kept, summary = flown(Path("m.yaml"), *changes)
     _, again = flown(unpacked(kept, tmp_path / "elsewhere"), out="again")
@@ -97,7 +97,7 @@ def test_a_flight_from_what_the_manifest_keeps_is_the_same_flight(tmp_path: Path
     assert summary["seed"] == 11
 
 
-def test_a_flight_again_keeps_the_same_manifest_but_for_where_its_files_are(
+def test_repeated_flights_keep_the_manifest_except_file_paths(
     tmp_path: Path,
 ) -> None:
     kept, _ = flown(Path("m.yaml"))
@@ -115,7 +115,7 @@ def test_a_flight_along_a_file_can_be_flown_again(tmp_path: Path) -> None:
     assert again == summary
 
 
-def test_the_mission_and_the_world_are_kept_as_flown_with_their_files() -> None:
+def test_manifest_keeps_mission_and_world_as_flown() -> None:
     kept = manifest(load(Path("m.yaml"), Registry(), ["seed=3"]), Registry())
     assert kept["mission"]["seed"] == kept["seed"] == 3
     assert kept["mission"]["swarm"]["cf1"] == {"start": [-0.5, 0, 0], "yaw_deg": 30}
@@ -127,7 +127,7 @@ def test_the_seed_that_a_mission_leaves_out_is_kept() -> None:
     assert manifest(load(Path("m.yaml"), Registry()), Registry())["seed"] == 0
 
 
-def test_each_part_is_kept_with_its_options_and_the_plugin_it_came_from() -> None:
+def test_manifest_keeps_each_plugin_with_options_and_source() -> None:
     kept = manifest(load(Path("m.yaml"), Registry()), Registry())["plugins"]
     own = version("star-swarm")
     assert kept["transport"] == {
@@ -161,7 +161,7 @@ def test_the_plugin_of_a_verb_is_kept() -> None:
     assert kept["third_parties"] == {"their-dist:nudger": "1.2"}
 
 
-def test_the_versions_of_this_project_and_of_all_it_needs_are_kept() -> None:
+def test_manifest_keeps_the_versions_of_all_dependencies() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     needed = {re.split("[<>=!~ ]", line)[0].replace(".", "-") for line in project["dependencies"]}
     kept = packages()

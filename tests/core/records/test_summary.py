@@ -149,7 +149,7 @@ def test_an_agent_that_is_nowhere_is_near_no_agent() -> None:
     assert summary["min_separation_m"] == pytest.approx(2.0)
 
 
-def test_separation_is_that_of_the_estimate_when_there_is_no_truth() -> None:
+def test_separation_is_of_the_estimate_without_ground_truth() -> None:
     summary = measured(apart(2.0), seen=apart(1.0), known=False)
     assert summary["min_separation_m"] == pytest.approx(1.0)
 
@@ -178,7 +178,7 @@ def test_separation_and_collisions_are_those_of_all_pairs(n: int, data: st.DataO
     "n",
     [63, 64],
 )
-def test_a_pair_at_just_twelve_centimetres_does_not_collide_beside_one_that_does(n: int) -> None:
+def test_pairs_at_the_contact_distance_do_not_collide(n: int) -> None:
     line = np.zeros((n, 3))
     line[:, 1] = np.arange(n)
     line[1] = [0.05, 0.0, 0.0]  # 0.05 m from the first
@@ -186,7 +186,7 @@ def test_a_pair_at_just_twelve_centimetres_does_not_collide_beside_one_that_does
     assert measured([line])["collisions"]["agent_agent"] == 1
 
 
-def test_agents_that_are_nowhere_are_near_no_agent_in_a_large_swarm() -> None:
+def test_unlocated_agents_are_near_no_agent_in_large_swarms() -> None:
     line = np.zeros((70, 3))
     line[:, 1] = 2.0 * np.arange(70)
     line[3:5] = np.nan

@@ -66,7 +66,7 @@ def pair(*distances: float) -> list[list[list[float]]]:
     return [[[0.0, 0.0, 1.0], [distance, 0.0, 1.0]] for distance in distances]
 
 
-def test_a_collision_of_two_agents_names_them_and_where_when_and_how_fast() -> None:
+def test_collisions_report_agents_position_time_and_speed() -> None:
     contacts, seen = followed(pair(0.5, 0.3, 0.1))
     ((incident,),) = [found for found in seen if found]
     assert incident.kind == "collision"
@@ -95,7 +95,7 @@ def test_a_contact_that_lasts_is_one_collision() -> None:
     assert [len(found) for found in seen] == [1, 0, 0, 0, 1, 0]
 
 
-def test_a_close_approach_is_reported_once_with_its_smallest_distance() -> None:
+def test_close_approaches_report_their_smallest_distance_once() -> None:
     _, seen = followed(pair(0.5, 0.19, 0.15, 0.17, 0.3, 0.5))
     assert [len(found) for found in seen] == [0, 0, 0, 0, 1, 0, 0]
     (incident,) = seen[4]
@@ -106,7 +106,7 @@ def test_a_close_approach_is_reported_once_with_its_smallest_distance() -> None:
     assert f"closer than limits.separation ({SEPARATION:g} m) and" in incident.text
 
 
-def test_close_approaches_are_judged_by_an_ellipsoid_and_reported_by_distance() -> None:
+def test_close_approaches_use_an_ellipsoid_and_report_distance() -> None:
     def over(aside: float, height: float) -> list[Event]:
         track = [[[0, 0, 1], [2, 0, 1]], [[0, 0, 1], [aside, 0, 1 + height]]]
         contacts, seen = followed(track)
@@ -120,12 +120,12 @@ def test_close_approaches_are_judged_by_an_ellipsoid_and_reported_by_distance() 
     assert not over(0.15, 0.45)
 
 
-def test_a_close_approach_that_is_not_over_is_reported_at_the_end() -> None:
+def test_unfinished_close_approaches_are_reported_at_the_end() -> None:
     _, seen = followed(pair(0.5, 0.15))
     assert [len(found) for found in seen] == [0, 0, 1]
 
 
-def test_a_distance_that_hovers_about_the_limit_is_one_close_approach() -> None:
+def test_distances_around_the_limit_are_one_close_approach() -> None:
     _, seen = followed(pair(0.5, 0.199, 0.201, 0.199, 0.201, 0.5))
     assert [len(found) for found in seen] == [0, 0, 0, 0, 0, 1, 0]
 
@@ -136,7 +136,7 @@ def test_a_collision_is_not_a_close_approach_as_well(distances: Sequence[float])
     assert [one.kind for found in seen for one in found] == ["collision"]
 
 
-def test_agents_that_stand_close_to_each_other_on_the_ground_do_not_approach() -> None:
+def test_grounded_agents_make_no_close_approaches() -> None:
     _, seen = followed(pair(0.15, 0.15), phase=GROUNDED)
     assert not any(seen)
 
@@ -150,7 +150,7 @@ def test_without_ground_truth_incidents_are_marked_as_estimated() -> None:
     assert contacts.source == "estimate"
 
 
-def test_distances_are_from_both_where_ground_truth_is_there_at_times() -> None:
+def test_distance_source_is_mixed_if_truth_is_intermittent() -> None:
     contacts = Contacts(scene(2))
     positions = np.array(pair(0.5, 0.5))
     update(contacts, moment(0, positions, FLYING, truth=True))
@@ -159,7 +159,7 @@ def test_distances_are_from_both_where_ground_truth_is_there_at_times() -> None:
     assert contacts.source == "mixed"
 
 
-def test_ticks_on_the_ground_do_not_count_for_where_distances_are_from() -> None:
+def test_ticks_on_the_ground_do_not_affect_the_distance_source() -> None:
     contacts = Contacts(scene(2))
     positions = np.array(pair(0.5, 0.5))
     update(contacts, moment(0, positions, GROUNDED, truth=False))

@@ -86,7 +86,7 @@ def test_a_rejected_row_stays_where_it_was_at_rest() -> None:
     assert jump.plausible == pytest.approx(MIN_PLAUSIBLE_SPEED * PERIOD + UNCORRECTED_MARGIN)
 
 
-def test_an_agent_whose_position_has_been_corrected_may_jump_farther() -> None:
+def test_corrected_positions_may_jump_farther() -> None:
     def accepted(*stds: float) -> bool:
         gate = EstimateGate(1, SPEED)
         for k, std in enumerate(stds):
@@ -113,7 +113,7 @@ def stuck(*velocities: float, drift: float = 0.0) -> list[bool]:
     ]
 
 
-def test_an_estimate_that_stays_while_the_agent_flies_is_rejected() -> None:
+def test_estimates_frozen_in_flight_are_rejected() -> None:
     flight = [SPEED + noise for noise in np.linspace(0, 0.01, 30)]
     answer = stuck(*flight)
     assert answer.index(False) == 12  # 0.3 m at 0.5 m/s
@@ -140,7 +140,7 @@ def spoiled(*velocities: float, airborne: bool = True) -> list[tuple[bool, float
 
 
 @pytest.mark.parametrize("airborne", [True, False])
-def test_an_agent_that_reports_random_velocities_stays_where_it_was(*, airborne: bool) -> None:
+def test_random_velocity_reports_keep_the_last_position(*, airborne: bool) -> None:
     bad = np.where(np.random.default_rng(1).random(200) < 0.5, np.nan, 20.0).tolist()
     ticks = round(SPOILED_TIME / PERIOD)
     seen = spoiled(*[0.0] * 5, *bad, *[0.0] * (ticks + 5), airborne=airborne)
@@ -192,7 +192,7 @@ def test_a_correction_that_the_covariance_announced_is_accepted() -> None:
         assert not jumps
 
 
-def test_a_large_covariance_that_stays_large_announces_no_correction() -> None:
+def test_persistently_large_covariance_does_not_admit_jumps() -> None:
     gate = EstimateGate(1, SPEED)
     gate.check(believed(0.0, 0.0, std=1.0), AIRBORNE)
     answer, _ = gate.check(believed(2.0, PERIOD, std=1.0), AIRBORNE)
@@ -206,7 +206,7 @@ def test_everything_is_accepted_on_the_ground() -> None:
     assert gate.check(believed(50.0, 2 * PERIOD), AIRBORNE)[0].valid.all()
 
 
-def test_an_agent_that_was_rejected_in_flight_is_not_accepted_elsewhere_on_the_ground() -> None:
+def test_agents_rejected_in_flight_are_not_accepted_elsewhere() -> None:
     gate, grounded = EstimateGate(1, SPEED), np.zeros(1, np.bool_)
     at_rest = np.zeros((1, 3))
     gate.check(believed(0.0, 0.0), AIRBORNE, at_rest)
@@ -217,7 +217,7 @@ def test_an_agent_that_was_rejected_in_flight_is_not_accepted_elsewhere_on_the_g
     assert gate.check(believed(0.2, 5.0), grounded, at_rest)[0].valid.all()
 
 
-def test_an_agent_that_was_not_located_may_be_anywhere_it_can_have_flown() -> None:
+def test_unlocated_agents_may_reappear_within_flight_distance() -> None:
     gate = EstimateGate(1, SPEED)
     gate.check(believed(0.0, 0.0), AIRBORNE)
     lost = replace(believed(np.nan, 1.0), valid=np.zeros(1, np.bool_))
@@ -239,7 +239,7 @@ def jumping(after: float) -> Callable[..., Estimate]:
     return locate
 
 
-def test_a_localizer_that_jumps_is_reported_and_its_agent_lands_soon(lab: Lab) -> None:
+def test_localizer_jumps_are_reported_and_the_agent_lands(lab: Lab) -> None:
     lab.spoil("localizer", "locate", jumping(after=3.0))
     summary = lab.fly(HOLD)
     (text,) = lab.said("estimate")
@@ -251,7 +251,7 @@ def test_a_localizer_that_jumps_is_reported_and_its_agent_lands_soon(lab: Lab) -
     assert summary["flight_time_s"] < 15.0
 
 
-def test_a_localizer_that_jumps_is_a_case_for_the_rule_position_lost(lab: Lab) -> None:
+def test_localizer_jumps_trigger_the_position_lost_rule(lab: Lab) -> None:
     lab.spoil("localizer", "locate", jumping(after=3.0))
     summary = lab.fly(HOLD, more="safety: {position_lost: {after: 1.0}}\n")
     assert summary["outcome"] == "completed"

@@ -43,7 +43,7 @@ def pressed(std: float, *, avoider: float = SPEED) -> tuple[FencePress, Array]:
 
 
 @pytest.mark.parametrize("avoider", [SPEED, 0.1])
-def test_an_agent_that_presses_against_the_fence_is_drawn_in_by_its_uncertainty(
+def test_pressing_against_the_fence_draws_in_by_uncertainty(
     avoider: float,
 ) -> None:
     assert pressed(0.1, avoider=avoider)[1][0, 0] == pytest.approx(HIGH - SIGMAS * 0.1, abs=0.01)
@@ -51,7 +51,7 @@ def test_an_agent_that_presses_against_the_fence_is_drawn_in_by_its_uncertainty(
     assert pressed(99.0)[1][0, 0] >= HIGH - MAX_DRAW_IN - 0.01
 
 
-def test_an_agent_that_was_drawn_in_flies_back_and_to_goals_near_the_fence() -> None:
+def test_drawn_in_agents_still_reach_goals_near_the_fence() -> None:
     press, here = pressed(0.1)
     now = believed(here, np.zeros((1, 3)), 0.1)
     assert press.draw_in(now, setpoint(0.3), setpoint(0.3))[0].velocity[0, 0] < 0.05
@@ -60,7 +60,7 @@ def test_an_agent_that_was_drawn_in_flies_back_and_to_goals_near_the_fence() -> 
         assert press.draw_in(now, setpoint(0.3), setpoint(0.3))[0].velocity[0, 0] == 0.3
 
 
-def test_a_velocity_that_no_agent_can_brake_from_before_the_fence_leads_out_of_it() -> None:
+def test_velocities_that_cannot_brake_at_the_fence_lead_outside() -> None:
     def outward(x: float, avoider: float, planner: float) -> list[bool]:
         now = believed(np.array([[x, 0.0, 1.0]]), np.zeros((1, 3)), 0.1)
         outward: list[list[bool]] = (

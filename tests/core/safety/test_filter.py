@@ -96,7 +96,7 @@ def test_no_agent_leaves_the_fence(wish: tuple[float, float, float]) -> None:
     )  # and it comes near
 
 
-def test_an_agent_that_is_outside_the_fence_is_drawn_back_and_may_come_in() -> None:
+def test_agents_outside_the_fence_are_drawn_back_and_may_return() -> None:
     velocity, corrected = filtered([[3.5, 0.0, 1.0]], [[0.5, 0.2, 0.0]])
     assert velocity.tolist() == [[-0.2, 0.2, 0.0]]
     assert corrected.fence.tolist() == [True]
@@ -105,7 +105,7 @@ def test_an_agent_that_is_outside_the_fence_is_drawn_back_and_may_come_in() -> N
     assert unchanged(corrected)
 
 
-def test_an_agent_that_falls_through_the_fence_returns_within_the_limit() -> None:
+def test_agents_falling_through_the_fence_return_within_limits() -> None:
     now = estimate(np.array([[0.0, 0.0, -0.1]]), velocity=np.array([[0.0, 0.0, -2.5]]))
     wanted = setpoint([[0.9, 0.0, 0.0]])
     sent, _ = apply(SafetyFilter(scene(1)), now, wanted, wanted)
@@ -123,7 +123,7 @@ FREE = st.tuples(*[st.floats(-100.0, 100.0)] * 3)
 
 
 @given(st.lists(FREE, min_size=3, max_size=3), st.lists(st.booleans(), min_size=3, max_size=3))
-def test_a_velocity_that_is_too_fast_keeps_its_direction_and_a_slow_one_stays(
+def test_excessive_velocities_are_scaled_and_slow_ones_kept(
     wish: list[tuple[float, float, float]], active: list[bool]
 ) -> None:
     wide = replace(scene(3), world=World("hall", Fence((-1e6,) * 3, (1e6,) * 3)))
@@ -136,7 +136,7 @@ def test_a_velocity_that_is_too_fast_keeps_its_direction_and_a_slow_one_stays(
     assert sent.active.tolist() == active
 
 
-def test_a_drone_that_follows_with_its_lag_stops_inside_the_fence() -> None:
+def test_drones_with_response_lag_stop_inside_the_fence() -> None:
     guard, wish = SafetyFilter(scene(1)), setpoint([[SPEED, 0.0, 0.0]])
     here, velocity = np.array([[0.0, 0.0, 1.0]]), np.zeros((1, 3))
     for _ in range(200):
@@ -166,9 +166,7 @@ def test_two_that_fly_at_each_other_stop_apart(across: float) -> None:
         ([0.1, 0.0, 1.3], [0.0, 0.1, 0.9]),
     ],
 )
-def test_two_that_fly_at_each_other_from_any_side_stop_outside_the_ellipsoid(
-    one: list[float], two: list[float]
-) -> None:
+def test_head_on_agents_stop_outside_the_ellipsoid(one: list[float], two: list[float]) -> None:
     towards = SPEED * np.subtract(two, one) / np.linalg.norm(np.subtract(two, one))
     path = flown([one, two], [towards, -towards], seconds=5.0)
     flattened = (path[:, 0] - path[:, 1]) / [APART, APART, ABOVE]
@@ -178,7 +176,7 @@ def test_two_that_fly_at_each_other_from_any_side_stop_outside_the_ellipsoid(
     assert nearest < 2.0  # they may come near
 
 
-def test_agents_above_each_other_that_are_too_close_part_upwards_and_downwards() -> None:
+def test_stacked_agents_that_are_too_close_part_vertically() -> None:
     velocity, corrected = filtered([[0.0, 0.0, 1.2], [0.0, 0.0, 0.8]], np.zeros((2, 3)))
     assert velocity.tolist() == [[0.0, 0.0, 0.1], [0.0, 0.0, -0.1]]
     assert corrected.separation.all()
@@ -206,7 +204,7 @@ def test_many_that_fly_at_one_place_stop_apart() -> None:
             assert np.linalg.norm(path[:, i] - path[:, j], axis=1).min() >= APART - 1e-6
 
 
-def test_an_agent_that_is_in_the_way_and_not_steered_is_braked_for() -> None:
+def test_agents_brake_for_an_unsteered_agent() -> None:
     velocity, corrected = filtered(
         [[0.0, 0.0, 1.0], [0.3, 0.0, 1.0]], [[1.0, 0.0, 0.0], [0.0, 0.0, 0.0]], [True, False]
     )
@@ -214,7 +212,7 @@ def test_an_agent_that_is_in_the_way_and_not_steered_is_braked_for() -> None:
     assert corrected.separation.tolist() == [True, False]
 
 
-def test_an_agent_that_is_in_the_way_and_reports_no_velocity_is_braked_for() -> None:
+def test_agents_brake_for_an_agent_without_velocity() -> None:
     wanted = setpoint([[1.0, 0.0, 0.0], [0.0, 0.0, 0.0]], [True, False])
     here = np.array([[0.0, 0.0, 1.0], [0.3, 0.0, 1.0]])
     silent = estimate(here, velocity=np.array([[0.0] * 3, [math.nan] * 3]))
@@ -318,7 +316,7 @@ def test_the_distance_for_uncertain_positions_is_at_most_tripled() -> None:
     assert approach(0.8, std=5.0, margin=2.0) == pytest.approx(approach(0.4, 0.0, 2.0), abs=2e-3)
 
 
-def test_agents_whose_goals_are_near_still_reach_them_however_uncertain() -> None:
+def test_nearby_goals_are_reached_however_uncertain() -> None:
     assert 0.0 < approach(0.3, std=5.0, margin=2.0) < 0.25 * approach(0.3, std=5.0, margin=0.0)
 
 
@@ -350,7 +348,7 @@ def test_uncertain_agents_brake_earlier_before_the_fence() -> None:
     assert sent_beside([2.6, 0, 1], [SPEED, 0, 0], 0.1, margin=0.0)[0][0] > exact[0]
 
 
-def test_the_margin_to_the_fence_yields_and_does_not_apply_to_heights() -> None:
+def test_fence_margin_yields_and_does_not_apply_to_heights() -> None:
     assert 0.0 < sent_beside([2.9, 0, 1], [SPEED, 0, 0], 5.0)[0][0] < 0.05
     assert sent_beside([0, 0, 1.9], [0, 0, SPEED], 5.0)[0][2] == pytest.approx(
         sent_beside([0, 0, 1.9], [0, 0, SPEED], 0.0)[0][2]

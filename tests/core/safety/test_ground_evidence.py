@@ -74,7 +74,7 @@ def steered(hovering: Agent) -> Agent:
     return hovering
 
 
-def test_an_agent_that_was_silent_from_its_take_off_on_is_never_down() -> None:
+def test_agents_silent_since_their_takeoff_are_never_down() -> None:
     agent = Agent()
     agent.order(Order.TAKEOFF)
     agent.silence(1.0)
@@ -84,7 +84,7 @@ def test_an_agent_that_was_silent_from_its_take_off_on_is_never_down() -> None:
     assert agent.evidence.describe(0, agent.time) == "not heard for 1001.0 s, last at 0.00 m"
 
 
-def test_a_take_off_that_was_refused_is_known_to_be_so_after_a_while() -> None:
+def test_refused_takeoffs_are_recognized_after_a_while() -> None:
     agent = Agent()
     agent.order(Order.TAKEOFF)
     agent.report(0, 0.0, 1.0)

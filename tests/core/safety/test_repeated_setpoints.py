@@ -127,7 +127,7 @@ def test_a_planner_that_has_reasons_is_not_found(
 
 
 @pytest.mark.parametrize("kind", ["avoider", "planner"])
-def test_a_repeated_setpoint_that_leads_out_of_the_fence_is_found(kind: str) -> None:
+def test_repeated_setpoints_out_of_the_fence_are_detected(kind: str) -> None:
     avoider = same(0.5) if kind == "avoider" else noisy(0.5)
     planner = same(0.5) if kind == "planner" else noisy(0.5)
     outward = kind == "avoider", kind == "planner"
@@ -138,7 +138,7 @@ def test_a_repeated_setpoint_that_leads_out_of_the_fence_is_found(kind: str) -> 
     assert not flown(noisy(0.5), noisy(0.5), outward=outward)
 
 
-def test_a_planner_that_does_not_brake_before_a_goal_at_the_fence_is_not_found() -> None:
+def test_unbraked_planners_at_the_fence_are_not_detected() -> None:
     """The safety filter slows its agent down, so that it takes long to arrive."""
     one = scene(1)
     press, repeated = FencePress(one), RepeatedSetpoints(one)

@@ -66,7 +66,7 @@ def test_a_link_is_lost_when_nothing_is_heard_for_so_long() -> None:
     assert judged({"link_lost": {"after": 2.0}}, 3.0, age=1.9) == []
 
 
-def test_a_position_is_lost_when_an_agent_in_the_air_is_not_located_for_so_long() -> None:
+def test_position_lost_applies_to_airborne_agents_after_its_time() -> None:
     rules = {"position_lost": {"after": 0.5, "then": "stop"}}
     assert judged(rules, 3.0, valid=False) == [(1.5, 0, SafetyAction.STOP)]
     assert judged(rules, 3.0, valid=False, phase=AgentPhase.GROUNDED) == []
@@ -85,7 +85,7 @@ def test_an_agent_that_tumbled_is_out() -> None:
     ]
 
 
-def test_an_agent_that_stays_on_the_floor_instead_of_flying_is_out() -> None:
+def test_agents_that_sink_to_the_floor_in_flight_are_tumbled() -> None:
     rules, floor = {"tumbled": {"then": "stop"}}, np.array([0.0, 0, 0.05])
     assert judged(rules, 5.0, position=floor) == [(1.0 + SUNK_TIME, 0, SafetyAction.STOP)]
     assert judged(rules, 1.0 + SUNK_TIME - 0.1, position=floor) == []
@@ -114,7 +114,7 @@ def reported(lab: Lab) -> list[str]:
     return [text for text in lab.said("safety") if ": " in text]
 
 
-def test_one_that_is_not_heard_any_more_lands_and_the_others_do_its_step(lab: Lab) -> None:
+def test_unheard_agents_land_and_the_others_do_their_step(lab: Lab) -> None:
     lab.spoil("transport", "receive", silent(1, 1.5, np.inf, age=0.7))
     summary = lab.fly(f"{TOUR}{{link_lost: {{after: 0.6}}}}")
     assert reported(lab) == ["cf2 lands: link_lost: not heard for 0.7 s"]
@@ -182,7 +182,7 @@ def test_one_that_tumbles_is_left_to_itself(lab: Lab) -> None:
     assert lab.went("cf1") == ["taking_off", "flying", "landing", "landed"]
 
 
-def test_a_task_that_has_the_methods_goes_on_and_another_is_made_again(lab: Lab) -> None:
+def test_tasks_without_agent_methods_are_made_again(lab: Lab) -> None:
     lab.spoil("transport", "receive", battery(1, 3.0, since=1.0))
     summary = lab.fly("\n  - climb: {}\n  - wait: {seconds: 4}\nsafety: {battery_low: {}}")
     (wait,) = (step for step in summary["steps"] if step["verb"] == "wait")
@@ -202,7 +202,7 @@ def battery(row: int, volt: float, since: float) -> Callable[..., Telemetry]:
     return wrong
 
 
-def test_an_agent_that_is_not_located_is_excused_only_under_a_rule(
+def test_unlocated_agents_are_excused_only_under_a_rule(
     lab: Lab,
 ) -> None:
     def blind(right: Callable[..., Estimate], *args: Any) -> Estimate:

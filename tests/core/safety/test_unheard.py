@@ -79,7 +79,7 @@ def test_possible_positions_cover_the_stretch_and_are_inactive() -> None:
     assert not seen.velocity[2:].any()
 
 
-def test_an_agent_that_is_not_heard_is_on_the_ground_when_it_has_fallen_or_landed() -> None:
+def test_unheard_agents_count_as_down_after_landing_or_falling() -> None:
     heard, every = np.array([True, False, False, True]), np.arange(4)
     tracker = UnheardAgents(4, LIMITS)
     tracker.flies_on_board(every, np.tile([np.nan, np.nan, 0.7], (4, 1)), np.full(4, 1.0))
@@ -112,7 +112,7 @@ def test_setpoints_keep_an_agent_in_the_air() -> None:
     ]
 
 
-def test_an_agent_that_is_not_located_brakes_and_stays_in_the_way_on_the_ground() -> None:
+def test_unlocated_agents_travel_by_their_braking_distance() -> None:
     tracker = UnheardAgents(2, LIMITS)
     flying = estimate(np.zeros((2, 3)), velocity=VELOCITY)
     lost = replace(flying, velocity=np.zeros((2, 3)), valid=np.array([True, False]))
@@ -163,7 +163,7 @@ def test_an_unheard_climb_that_has_come_down_is_on_the_ground() -> None:
 
 
 @pytest.mark.parametrize("lands_by", [None, np.inf, CLIMBED_AT - 0.1])
-def test_an_unheard_climb_hovers_unless_its_own_descent_is_announced(
+def test_unheard_climbs_hover_unless_a_descent_is_announced(
     lands_by: float | None,
 ) -> None:
     """An end before that of the climb was announced for an earlier flight."""
@@ -220,7 +220,7 @@ def test_an_unlocated_agent_that_lands_passes_all_heights_below() -> None:
 GROUNDED, LANDED, FALLEN = AgentPhase.GROUNDED, AgentPhase.LANDED, AgentPhase.EMERGENCY
 
 
-def test_only_agents_that_stay_on_the_ground_leave_the_air_above_them_free() -> None:
+def test_only_agents_staying_grounded_free_the_air_above_them() -> None:
     tracker = GroundedAgents(4, LIMITS)
     phase, gone = np.array([GROUNDED, LANDED, LANDED, FALLEN]), np.array([True, True, False, False])
 
@@ -276,7 +276,7 @@ def crossed(avoider: str, start: Array, goal: Array, *, stopped: bool) -> float:
     ("start", "goal"),
     [((0.5, -1.5), (0.5, 1.5)), ((-1.5, 0.1), (2.5, 0.1)), ((2.5, -0.1), (-1.5, -0.1))],
 )
-def test_an_agent_that_is_not_heard_is_kept_clear_of_wherever_it_may_be(
+def test_avoiders_keep_clear_of_possible_unheard_positions(
     avoider: str,
     stopped: bool,  # noqa: FBT001 -- the case
     start: tuple[float, float],
@@ -322,6 +322,6 @@ def test_the_safety_filter_moves_agents_out_of_a_descent(height: float) -> None:
     assert moved_aside("none", height) >= 0.95 * scene(1).limits.separation
 
 
-def test_the_safety_filter_keeps_clear_of_wherever_an_agent_may_be() -> None:
+def test_safety_filter_keeps_clear_of_possible_positions() -> None:
     nearest = crossed("none", np.array([1.0, -1.5, 0.0]), np.array([1.0, 1.5, 0.0]), stopped=False)
     assert nearest >= 0.95 * scene(1).limits.separation

@@ -38,7 +38,7 @@ def test_the_magnification_is_how_much_pixels_move_with_rays(u: float, v: float)
     assert LENS.magnification(ray) == pytest.approx(math.sqrt(stretched), rel=0.02)
 
 
-def test_a_pixel_that_the_model_of_the_lens_does_not_reach_has_no_ray() -> None:
+def test_pixels_beyond_the_reach_of_the_lens_have_no_ray() -> None:
     inside, outside = LENS.undistort(np.array([[20.0, 20.0], [0.0, 0.0]]))
     assert np.isfinite(inside).all()
     assert np.isnan(outside).all()
@@ -77,7 +77,7 @@ def test_the_derivative_of_a_ray_is_that_of_differences(point: Array) -> None:
         np.testing.assert_allclose(derivative[:, k], difference / 2e-6, atol=1e-7)
 
 
-def test_a_pixel_beyond_the_reach_may_have_the_ray_of_the_last_one_within() -> None:
+def test_clipped_pixels_have_the_outermost_ray() -> None:
     ray = LENS.undistort(np.array([0.0, 0.0]), clip=True)
     assert np.hypot(*ray) == pytest.approx(LENS.reach, abs=0.05)
     assert np.isfinite(LENS.undistort(LENS.project(np.append(0.95 * ray, 1.0)))).all()

@@ -92,7 +92,7 @@ def test_machine_code_of_other_sources_is_never_loaded_from_disk(runs: Runs) -> 
     assert runs["other constant"][:2] == (9.0, 0)
 
 
-def test_comments_docstrings_and_unused_functions_recompile_nothing(runs: Runs) -> None:
+def test_comments_docstrings_and_unused_code_recompile_nothing(runs: Runs) -> None:
     assert runs["commented"][:2] == (3.0, 1)
 
 
@@ -103,7 +103,7 @@ def test_compilation_is_reported_on_stderr_and_loading_is_not(runs: Runs) -> Non
     assert not runs["commented"][2]
 
 
-def test_machine_code_whose_types_were_in_another_module_is_compiled_again(tmp_path: Path) -> None:
+def test_cached_code_with_types_of_another_module_is_recompiled(tmp_path: Path) -> None:
     kernel = (
         "import sys\nfrom star_core.toolkit import compiled\nfrom before import Pair\n\n\n"
         "@compiled\ndef first(pair):\n    return pair.one\n\n\n"
@@ -151,7 +151,7 @@ def test_editing_an_option_recompiles_nothing(tmp_path: Path) -> None:
 
 @pytest.mark.campaign
 @pytest.mark.parametrize("mission", ["first_flight", "around", "search"])
-def test_a_first_flight_reports_what_it_compiles_and_is_the_same_as_the_next(
+def test_first_flights_report_compilation_and_equal_later_ones(
     mission: str, tmp_path: Path
 ) -> None:
     star = Path(sys.executable).with_name("star")

@@ -29,7 +29,7 @@ def velocities(goals: Goals, *positions: Array) -> Array:
     return np.array([control.velocity(estimate(one), goals)[0] for one in positions])
 
 
-def test_an_agent_that_has_sunk_on_its_way_climbs_back_to_the_line() -> None:
+def test_agents_below_their_line_climb_back_to_it() -> None:
     begin, low = np.array([[0.0, 0, 1]]), LOW
     level, back = velocities(goal(4.0, 1.0), begin, low)
     assert level == pytest.approx([0.5, 0, 0])
@@ -45,7 +45,7 @@ def test_a_new_goal_begins_a_new_line() -> None:
 
 
 @pytest.mark.parametrize("gone", ["active", "valid"])
-def test_an_agent_that_was_not_flown_to_its_goal_for_a_while_begins_a_new_line(gone: str) -> None:
+def test_interrupted_goals_begin_a_new_line(gone: str) -> None:
     control = PositionController(scene(1), gain=1.0, yaw_rate_deg=90.0)
     goals, now = goal(4.0, 1.0), estimate(np.array([[0.0, 0, 1]]))
     control.velocity(now, goals)
@@ -71,7 +71,7 @@ def test_a_moving_goal_has_no_line() -> None:
     np.testing.assert_array_equal(velocity, velocities(moved, LOW))
 
 
-def test_an_agent_with_a_way_to_go_beyond_its_point_does_not_brake_for_it() -> None:
+def test_agents_do_not_brake_for_intermediate_points() -> None:
     homing = PositionController(scene(2), gain=1.0, yaw_rate_deg=90.0)
     near = Goals(
         position=np.array([[0.1, 0, 1], [0.1, 0, 1]]),

@@ -89,16 +89,14 @@ those_that_promise = pytest.mark.parametrize("name", ["orca", "voronoi"])
 
 
 @pytest.mark.parametrize(("name", "n"), [("orca", 8), ("orca", 16), ("orca", 32), ("voronoi", 8)])
-def test_agents_that_change_places_across_a_circle_do_not_collide_and_arrive(
-    name: str, n: int
-) -> None:
+def test_swaps_across_a_circle_arrive_without_collision(name: str, n: int) -> None:
     around, start = room(n), circle(n)
     flown = fly(made(name, around), around, start, start * [-1, -1, 1], 60.0)
     assert flown.separation > 2 * CONTACT
     assert flown.missing.max() < 0.15
 
 
-def test_orca_keeps_an_ellipsoid_free_and_flies_closer_past_agents_at_other_heights() -> None:
+def test_orca_passes_closer_to_agents_at_other_heights() -> None:
     around, height = room(2), 0.3
     start = np.array([[-1.5, 0.0, 0.8], [1.5, 0.02, 0.8 + height]])
     flown = fly(made("orca", around), around, start, start * [-1, 1, 1], 15.0)
@@ -116,7 +114,7 @@ def test_a_wall_ahead_is_not_touched(name: str) -> None:
 
 
 @pytest.mark.parametrize("obstacles", ["half-planes", "virtual-agents"])
-def test_orca_keeps_its_clearance_to_a_wall_whichever_way_it_sees_it(obstacles: str) -> None:
+def test_orca_keeps_wall_clearance_for_all_obstacle_models(obstacles: str) -> None:
     around = room(1, box(0.0, -3.0, 0.2, 3.0))
     avoider = made("orca", around, obstacles=obstacles, clearance=0.3)
     flown = fly(avoider, around, np.array([[-1.5, -1.0, 0.8]]), np.array([[1.5, 0.7, 0.8]]), 10.0)
@@ -132,7 +130,7 @@ def test_a_wall_below_is_flown_over(name: str) -> None:
 
 
 @those_that_promise
-def test_agents_that_meet_head_on_in_a_corridor_get_past_each_other(name: str) -> None:
+def test_head_on_agents_in_a_corridor_pass_each_other(name: str) -> None:
     around = room(2, box(-3.0, 0.8, 3.0, 1.0), box(-3.0, -1.0, 3.0, -0.8))
     start = np.array([[-1.5, 0.0, 0.8], [1.5, 0.0, 0.8]])
     flown = fly(made(name, around), around, start, start * [-1, 1, 1], 30.0)
@@ -200,9 +198,7 @@ def test_two_at_one_point_part(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["voronoi", "potential"])
 @pytest.mark.parametrize("seed", range(5))
-def test_answers_turn_and_shift_with_the_room_and_do_not_depend_on_rows(
-    name: str, seed: int
-) -> None:
+def test_answers_are_invariant_to_rotation_shift_and_row_order(name: str, seed: int) -> None:
     random = np.random.default_rng(seed)
     position, wish = random.uniform(-1, 1, (8, 3)), random.uniform(-0.3, 0.3, (8, 3))
     around, all_of_them = room(8), np.ones(8, np.bool_)
@@ -233,7 +229,7 @@ def test_nothing_is_compiled_in_flight() -> None:
 
 
 @pytest.mark.parametrize("name", ["orca", "voronoi", "potential"])
-def test_agents_pass_at_a_greater_distance_if_their_positions_are_uncertain(name: str) -> None:
+def test_uncertain_positions_increase_the_passing_distance(name: str) -> None:
     around, start = room(2), np.array([[-1.5, 0.0, 0.8], [1.5, 0.02, 0.8]])
     exact, uncertain = (
         fly(made(name, around), around, start, start * [-1, 1, 1], 20.0, std=std)

@@ -56,7 +56,7 @@ def way_out(away: Vector, mine: Vector, theirs: Vector) -> tuple[Array, float]:
 
 
 @given(vectors, vectors, vectors)
-def test_the_whole_change_makes_agents_that_are_apart_pass_at_the_radii(
+def test_full_changes_of_separate_agents_pass_at_the_radii(
     away: Vector, mine: Vector, theirs: Vector
 ) -> None:
     assume(np.hypot(*away) > APART + 1e-3)
@@ -115,7 +115,7 @@ def test_agents_at_one_point_that_fly_alike_part_along_x() -> None:
     assert mine == pytest.approx([1.0, 0.0, 0.3 + 0.5 * APART / PERIOD])
 
 
-def test_agents_that_close_in_just_so_fast_as_to_meet_in_a_period_part_along_their_line() -> None:
+def test_agents_meeting_within_a_period_part_along_their_line() -> None:
     a, b, _ = plane((0.0, 0.2), (0.0, 2.0), (0.0, 0.0))
     assert (a, b) == pytest.approx((0.0, -1.0))
 
@@ -124,7 +124,7 @@ def test_agents_that_close_in_just_so_fast_as_to_meet_in_a_period_part_along_the
     ("above", "climb", "least"),
     [(0.3, 0.0, 0.3), (-0.3, 0.0, 0.3), (0.3, 0.1, 0.3), (0.5, -0.1, 0.3), (0.3, -0.2, 0.0)],
 )
-def test_agents_at_different_heights_keep_the_section_of_an_ellipsoid_apart(
+def test_half_planes_at_other_heights_use_the_ellipsoid_section(
     above: float, climb: float, least: float
 ) -> None:
     away, mine = (1.0, 0.1), (0.9, 0.0)  # through the ellipsoid, within the horizon
@@ -134,12 +134,12 @@ def test_agents_at_different_heights_keep_the_section_of_an_ellipsoid_apart(
     assert nearest_approach(np.array(away), closing, HORIZON) == pytest.approx(section)
 
 
-def test_agents_as_far_above_each_other_as_the_ellipsoid_is_high_need_no_distance() -> None:
+def test_half_planes_require_no_change_at_the_ellipsoid_height() -> None:
     a, b, c = plane((1.0, 0.0), (0.9, 0.0), (0.0, 0.0), above=VERTICAL)
     assert a * 0.9 + b * 0.0 == pytest.approx(c)
 
 
-def test_agents_that_are_far_enough_apart_pass_at_the_radii_with_their_margins() -> None:
+def test_separate_agents_pass_at_radii_plus_margins() -> None:
     a, b, c = plane((2.0, 0.0), (0.5, 0.0), (-0.5, 0.0), margin=0.1)
     closing = np.array([1.0, 0.0]) + 2 * (c - a * 0.5) * np.array([a, b])
     assert nearest_approach(np.array([2.0, 0.0]), closing, HORIZON) == pytest.approx(APART + 0.2)

@@ -75,7 +75,7 @@ def least_bad(planes: Array) -> float:
 
 
 @given(planes_of, wishes)
-def test_no_velocity_breaks_the_worst_half_plane_less_when_none_is_free(
+def test_infeasible_programs_minimize_the_worst_violation(
     planes: Array, wish: tuple[float, float]
 ) -> None:
     assert worst(planes, solved(planes, wish)) <= max(least_bad(planes), 0.0) + 1e-7
@@ -90,7 +90,7 @@ def test_no_hard_half_plane_is_broken_for_the_sake_of_the_others(
     assert worst(hard, answer) <= 1e-7
 
 
-def test_where_hard_half_planes_leave_nothing_free_they_are_broken_like_the_others() -> None:
+def test_infeasible_hard_half_planes_are_relaxed_like_others() -> None:
     closing = np.array([[1.0, 0.0, 0.2], [-1.0, 0.0, 0.1]])
     assert solved(closing, (0.0, 0.4), hard=2)[0] == pytest.approx(0.05)
 

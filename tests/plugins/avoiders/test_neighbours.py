@@ -61,12 +61,12 @@ def test_the_nearest_within_reach_are_found_nearest_first(n: int, most: int) -> 
     assert found(position, 2.0, EVERY_HEIGHT, most) == looked_up(position, 2.0, EVERY_HEIGHT, most)
 
 
-def test_agents_at_another_height_are_no_neighbours_and_take_no_place() -> None:
+def test_agents_at_other_heights_take_no_neighbour_slots() -> None:
     position = swarm(200)
     assert found(position, 2.0, 0.6, 5) == looked_up(position, 2.0, 0.6, 5)
 
 
-def test_agents_that_will_be_near_in_height_within_the_horizon_are_neighbours() -> None:
+def test_agents_soon_near_in_height_are_neighbours() -> None:
     stack = np.array([[0.0, 0, 1], [0.1, 0, 2.5]])
     assert found(stack, 2.0, 0.6, 5) == {0: [], 1: []}
     assert found(stack, 2.0, 0.6, 5, np.array([0.5, -0.5])) == {0: [1], 1: [0]}
@@ -79,7 +79,7 @@ def test_one_agent_very_far_away_changes_nothing_for_the_others() -> None:
     assert found(position, 2.0, 9.0, 10) == looked_up(position, 2.0, 9.0, 10)
 
 
-def test_a_hundred_agents_at_one_point_are_each_others_neighbours() -> None:
+def test_a_hundred_coincident_agents_are_all_neighbours() -> None:
     neighbours = found(np.ones((100, 3)), 2.0, 0.6, 200)
     assert all(sorted([i, *near]) == list(range(100)) for i, near in neighbours.items())
 

@@ -93,7 +93,7 @@ def test_two_agents_seen_from_between_them_answer_alike(seed: int) -> None:
 
 
 @given(seeds)
-def test_agents_that_fly_the_answer_do_not_meet_within_the_horizon(seed: int) -> None:
+def test_answered_velocities_avoid_contact_within_the_horizon(seed: int) -> None:
     # Few enough, and far enough apart, that there is always a way.
     random = np.random.default_rng(seed)
     angle = np.sort(random.uniform(0, 2 * np.pi, 3)) + np.array([0.0, 0.5, 1.0])
@@ -113,7 +113,7 @@ def test_a_lone_agent_gets_its_wish_to_the_bit() -> None:
     assert (ask(np.zeros((1, 3)), np.ones((1, 3)), wish, turn=0.1) == wish).all()
 
 
-def test_a_lone_agent_that_wants_too_much_flies_as_fast_as_it_may() -> None:
+def test_lone_agents_are_limited_to_their_speed() -> None:
     answer = ask(np.zeros((1, 3)), np.zeros((1, 3)), np.array([[3.0, 4.0, 12.0]]))
     assert answer == pytest.approx(np.array([[3.0, 4.0, 12.0]]) / 13)
 
@@ -149,11 +149,11 @@ def meeting(ahead: float, left: float, wish: tuple[float, float] = (-0.15, 0.0))
     return turn_of(ask(position, np.zeros((2, 3)), wishes, turn=0.1)[0])
 
 
-def test_an_agent_that_comes_the_other_way_is_kept_on_the_left_from_afar() -> None:
+def test_oncoming_agents_are_kept_left_from_afar() -> None:
     assert meeting(1.9, -0.5) == pytest.approx(np.arctan((2 * RADIUS + 0.5) / 1.9))
 
 
-def test_an_agent_that_comes_on_the_left_already_asks_for_no_more_than_the_small_turn() -> None:
+def test_agents_oncoming_on_the_left_need_only_a_small_turn() -> None:
     assert meeting(1.5, 0.4) == pytest.approx(0.1)
 
 
@@ -195,7 +195,7 @@ def test_lanes_do_not_depend_on_rows_nor_on_cells(seed: int) -> None:
 ROOM = (-1.0, -1.0, 1.0, 1.0)
 
 
-def test_an_agent_nears_the_fence_no_faster_than_it_gets_there_within_the_horizon() -> None:
+def test_agents_approach_the_fence_within_the_horizon() -> None:
     here, wish = np.array([[0.5, 0.0, 0.0]]), np.array([[0.9, 0.2, 0.0]])
     answer = ask(here, wish, wish, fence=ROOM)
     assert answer == pytest.approx(np.array([[0.5 / HORIZON, 0.2, 0.0]]))
@@ -207,7 +207,7 @@ def test_one_that_is_outside_the_fence_is_brought_back() -> None:
     assert answer == pytest.approx(np.array([[0.3, 0.2 / HORIZON, 0.0]]))
 
 
-def test_one_that_is_far_outside_is_brought_back_at_half_its_speed() -> None:
+def test_agents_far_outside_return_at_half_speed() -> None:
     here, wish = np.array([[-90.0, 0.0, 0.0]]), np.zeros((1, 3))
     assert ask(here, wish, wish, fence=ROOM) == pytest.approx(np.array([[SPEED / 2, 0.0, 0.0]]))
 
@@ -240,7 +240,7 @@ def test_agents_at_one_point_get_finite_answers_and_part(n: int) -> None:
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
-def test_an_agent_at_no_finite_position_is_ignored_and_answered_its_wish(bad: float) -> None:
+def test_agents_at_nonfinite_positions_are_ignored(bad: float) -> None:
     position, velocity, wish = crowd(9)
     without = ask(position[1:], velocity[1:], wish[1:])
     position[0] = bad
@@ -397,9 +397,7 @@ def test_turning_the_room_with_its_obstacles_turns_the_answer(
 
 @settings(max_examples=20)
 @given(seed=seeds, virtual=st.booleans())
-def test_among_obstacles_answers_are_finite_and_no_faster_than_allowed(
-    seed: int, *, virtual: bool
-) -> None:
+def test_answers_among_obstacles_are_finite_and_limited(seed: int, *, virtual: bool) -> None:
     position, velocity, wish = crowd(20, seed)
     answer = ask(
         position, velocity, wish, around=outlines(world(*blocks(seed, 3.0))), virtual=virtual
@@ -445,7 +443,7 @@ def test_no_agent_is_pushed_into_a_wall_by_another() -> None:
     assert answer[0, 0] <= (0.2 - RADIUS) / HORIZON + 1e-9
 
 
-def test_agents_on_top_of_each_other_do_not_climb_towards_each_other() -> None:
+def test_stacked_agents_do_not_climb_towards_each_other() -> None:
     stack = np.array([[0.0, 0.0, 0.0], [0.05, 0.0, 0.5]])
     towards, apart = (
         np.array([[0.0, 0, 0.4], [0.0, 0, -0.4]]),
@@ -462,15 +460,13 @@ def test_agents_one_above_the_other_near_each_other_ever_slower() -> None:
 
 
 @pytest.mark.parametrize(("share", "free"), [(0.7, False), (0.8, True)])
-def test_agents_are_above_one_another_within_three_quarters_of_their_radii(
-    share: float, *, free: bool
-) -> None:
+def test_stacking_applies_within_three_quarters_of_the_radii(share: float, *, free: bool) -> None:
     stack = np.array([[0.0, 0.0, 0.0], [share * 2 * RADIUS, 0.0, 0.8]])
     towards = np.array([[0.0, 0, 0.4], [0.0, 0, -0.4]])
     assert (ask(stack, np.zeros((2, 3)), towards)[:, 2] == towards[:, 2]).all() == free
 
 
-def test_an_agent_leaves_to_one_that_climbs_towards_it_all_the_room_there_is() -> None:
+def test_avoiding_agents_yield_all_room_to_climbing_ones() -> None:
     stack = np.array([[0.0, 0.0, 0.0], [0.05, 0.0, 0.8]])
     rising, sinking = (
         np.array([[0.0, 0, 0.4], [0.0, 0, 0]]),

@@ -64,12 +64,12 @@ def circle(n: int, radius: float) -> Array:
 
 
 @pytest.mark.parametrize("n", [2, 3, 4, 5, 8, 16])
-def test_agents_that_change_places_across_a_circle_to_the_bit_come_through(n: int) -> None:
+def test_exact_swaps_across_a_circle_resolve(n: int) -> None:
     start = circle(n, max(1.5, n / 4))
     assert fly(start, start * [-1, -1, 1]) >= 0.4 - 1e-3
 
 
-def test_an_agent_whose_way_leads_through_a_parked_one_gets_round_it() -> None:
+def test_parked_agents_are_passed() -> None:
     start = np.array([[-1.5, 0.0, 0.8], [0.0, 0.0, 0.8]])
     assert fly(start, start * [-1, 1, 1]) >= 0.4 - 1e-3
 
@@ -93,7 +93,7 @@ def test_unsure_agents_are_avoided_as_wider_ones() -> None:
     assert not np.allclose(exact.velocity, enlarged.velocity)
 
 
-def test_by_default_agents_are_wider_by_the_margin_of_the_mission() -> None:
+def test_default_radius_includes_the_uncertainty_margin() -> None:
     now = estimate(HEAD_ON, velocity=TOWARDS_EACH_OTHER)
     now = replace(now, covariance=np.tile(np.diag([0.0036, 0.0036, 0.0]), (2, 1, 1)))
     wish, exact = wanted(TOWARDS_EACH_OTHER), Limits(uncertainty_margin=0.0)
@@ -108,7 +108,7 @@ def test_by_default_agents_are_wider_by_the_margin_of_the_mission() -> None:
     assert not np.allclose(by_default, treated)
 
 
-def test_an_agent_gets_round_one_that_is_in_the_way_but_does_not_avoid() -> None:
+def test_agents_that_do_not_avoid_are_passed() -> None:
     room = scene(2, limits=Limits(speed=SPEED))
     avoider, position = orca(room, response=0.0), np.array([[-1.0, 0.0, 0.8], [0.0, 0.0, 0.8]])
     velocity, nearest = np.zeros((2, 3)), np.inf
@@ -152,7 +152,7 @@ def test_empty_is_sent_faster_than_the_scene_allows() -> None:
 
 
 @pytest.mark.parametrize("speed", [0.5, 0.7])
-def test_an_agent_that_is_to_turn_back_is_asked_for_no_more_than_the_limits_accelerate(
+def test_reversals_respect_the_acceleration_limit(
     speed: float,
 ) -> None:
     room = scene(1, limits=Limits(speed=SPEED, acceleration=2.0))
@@ -164,14 +164,14 @@ def test_an_agent_that_is_to_turn_back_is_asked_for_no_more_than_the_limits_acce
     np.testing.assert_allclose(asked, [[-SPEED, 0.0, 0.0]])  # within reach: to the bit
 
 
-def test_an_agent_that_flies_too_fast_is_still_asked_for_no_more_than_its_speed() -> None:
+def test_overspeed_agents_are_still_limited_to_their_speed() -> None:
     room = scene(1, limits=Limits(speed=SPEED, acceleration=0.1))
     now = estimate(np.array([[0.0, 0.0, 0.8]]), velocity=np.array([[0.9, 0.0, 0.0]]))
     asked = orca(room).avoid(now, wanted(np.array([[0.0, SPEED, 0.0]]))).velocity
     assert np.linalg.norm(asked) == pytest.approx(SPEED)
 
 
-def test_an_inactive_row_is_answered_as_it_came_and_given_way_to_in_full() -> None:
+def test_inactive_rows_are_unchanged_and_avoided_fully() -> None:
     now, avoider = estimate(HEAD_ON, velocity=TOWARDS_EACH_OTHER), orca(scene(2), response=0.0)
     both = avoider.avoid(now, wanted(TOWARDS_EACH_OTHER))
     alone = avoider.avoid(now, wanted(TOWARDS_EACH_OTHER, (True, False)))
@@ -181,7 +181,7 @@ def test_an_inactive_row_is_answered_as_it_came_and_given_way_to_in_full() -> No
     assert change[1] > 1.5 * change[0]
 
 
-def test_a_row_that_is_not_valid_is_answered_as_it_came_and_given_way_to_in_full() -> None:
+def test_invalid_rows_are_unchanged_and_avoided_fully() -> None:
     now, avoider = estimate(HEAD_ON, velocity=TOWARDS_EACH_OTHER), orca(scene(2), response=0.0)
     unknown = avoider.avoid(replace(now, valid=np.array([True, False])), wanted(TOWARDS_EACH_OTHER))
     inactive = avoider.avoid(now, wanted(TOWARDS_EACH_OTHER, (True, False)))

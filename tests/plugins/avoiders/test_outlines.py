@@ -50,7 +50,7 @@ def test_the_solid_is_left_of_every_edge_however_it_was_drawn(corners: Polygon) 
     assert edges[:, UX] * left[:, 1] - edges[:, UY] * left[:, 0] == pytest.approx(0.5)
 
 
-def test_it_stands_from_a_little_under_its_foot_to_a_little_over_its_top() -> None:
+def test_outlines_extend_by_the_margin_below_and_above() -> None:
     found = of(((SQUARE,), (0.5, 1.0)))
     heights = (0.5 - MARGIN - 0.01, 0.5 - MARGIN + 0.01, 1.0 + MARGIN - 0.01, 1.0 + MARGIN + 0.01)
     assert [len(at(found, z)) for z in heights] == [0, 4, 4, 0]
@@ -62,7 +62,7 @@ def test_pieces_that_touch_are_one_solid_without_an_edge_between() -> None:
     assert sorted(edges[:, LENGTH]) == pytest.approx([1.0, 1.0, 2.0, 2.0])
 
 
-def test_obstacles_that_overlap_are_one_solid_at_the_heights_they_share() -> None:
+def test_overlapping_obstacles_merge_at_their_shared_heights() -> None:
     other = tuple((x + 0.5, y + 0.5) for x, y in SQUARE)
     found = of(((SQUARE,), (0.0, 1.0)), ((other,), (0.0, 2.0)))
     assert [len(at(found, z)) for z in (0.5, 1.5, 2.5)] == [8, 4, 0]

@@ -83,7 +83,7 @@ def test_corrections_reduce_the_drift_of_the_on_board_estimate() -> None:
 
 @pytest.mark.campaign
 @pytest.mark.parametrize("path", PATHS)
-def test_positions_alone_bound_the_drift_of_the_on_board_estimate(path: str) -> None:
+def test_position_feedback_alone_bounds_on_board_drift(path: str) -> None:
     errors = [
         np.mean([flown(path, feedback, seed)[1] for seed in range(5)])
         for feedback in ("none", "extpos", "extpose")
@@ -119,12 +119,12 @@ def sent(found: AgentState, reported: list[float]) -> Corrections:
     return Feedback(AT_HOME).corrections([0], [found], AT_HOME, telemetry(reported))
 
 
-def test_a_position_is_sent_in_the_frame_in_which_the_drone_started() -> None:
+def test_positions_are_sent_in_the_starting_frame_of_the_drone() -> None:
     answer = sent(belief([1.0, 2.5, 0.8]), [0.4, 0.0, 0.8])
     assert answer.position == pytest.approx(np.array([[0.5, 0.0, 0.8]]))
 
 
-def test_an_attitude_has_the_drones_own_tilt_and_the_heading_that_was_found() -> None:
+def test_attitudes_combine_own_tilt_with_the_estimated_heading() -> None:
     answer = sent(belief([1.0, 2.0, 0.8], yaw=math.pi / 2 + 0.1), [0.0, 0.0, 0.8])
     x, y, z, w = answer.attitude[0]
     assert heading(answer) == pytest.approx(0.1)
@@ -143,7 +143,7 @@ def test_a_position_can_be_sent_without_a_heading() -> None:
     assert drones["believed_yaw"][0] == 0
 
 
-def test_the_standard_deviation_sent_is_larger_than_that_of_the_fix() -> None:
+def test_sent_deviations_exceed_those_of_the_fix() -> None:
     sure, unsure = (
         sent(belief([1.0, 2.0, 0.8], spread=spread), [0.0, 0.0, 0.8]) for spread in (0.001, 0.1)
     )
@@ -167,7 +167,7 @@ def test_a_jump_moves_the_frame_which_then_returns(*, turns: bool, yaw: float) -
     assert math.hypot(*answer.position[0, :2]) == pytest.approx(21 * RETURN_STEP)
 
 
-def test_a_jump_of_a_drone_that_has_not_reported_leaves_its_frame_finite() -> None:
+def test_jumps_of_unreported_drones_leave_their_frame_finite() -> None:
     feedback = Feedback(AT_HOME)
     found = belief([1.0, 2.0, 0.8])
     assert not len(feedback.corrections([0], [found], AT_HOME, telemetry([math.nan] * 3)).agent)

@@ -90,7 +90,7 @@ def test_how_old_a_report_may_be_is_an_option() -> None:
 
 
 @pytest.mark.parametrize("field", ["position", "velocity", "attitude"])
-def test_what_is_not_reported_is_not_valid_and_stays_where_it_was(field: str) -> None:
+def test_unreported_agents_are_invalid_and_keep_their_position(field: str) -> None:
     localizer = flow(facing(0.0))
     before = localizer.locate(report([[1, 0, 1]], yaw=0.5))
     gone = {field: np.full_like(getattr(report([[0, 0, 0]]), field), np.nan)}
@@ -147,7 +147,7 @@ def test_a_yaw_bias_throws_off_across_the_way() -> None:
     assert last[1, 1] > last[0, 0]
 
 
-def test_three_laps_of_a_circle_drift_as_much_as_in_the_default_world() -> None:
+def test_drift_over_three_laps_matches_the_default_world() -> None:
     turned = np.linspace(0, 6 * np.pi, round(135.0 / 0.05))
     track = 1.97 * np.stack([np.cos(turned), np.sin(turned), 0 * turned], axis=1)
     covariance = fly(track[0], track + HOVER, turned + np.pi / 2)
@@ -208,7 +208,7 @@ def test_an_artificial_error_does_not_depend_on_the_rate() -> None:
     assert errors(60.0, period=0.2).std() == pytest.approx(errors(60.0).std(), rel=0.1)
 
 
-def test_artificial_errors_come_from_the_seed_and_each_agent_has_its_own() -> None:
+def test_artificial_errors_are_seeded_and_differ_per_agent() -> None:
     assert np.array_equal(errors(1.0, seed=3), errors(1.0, seed=3))
     assert not np.array_equal(errors(1.0, seed=3), errors(1.0, seed=4))
     assert errors(1.0, n=2) == pytest.approx(errors(1.0, n=5)[:, :2], abs=1e-12)
@@ -240,7 +240,7 @@ def test_an_artificial_error_is_no_drift() -> None:
     assert last[0] == pytest.approx(last[1] + 0.03**2 * np.eye(3))
 
 
-def test_an_agent_without_a_report_keeps_its_position_with_an_artificial_error_too() -> None:
+def test_unreported_agents_keep_positions_with_artificial_error() -> None:
     localizer = flow(facing(0.0), error_std=0.03)
     before = localizer.locate(report([[1, 0, 1]]))
     gone = report([[np.nan] * 3], time=1.0)

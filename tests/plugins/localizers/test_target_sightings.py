@@ -217,7 +217,7 @@ def test_a_report_that_is_late_counts_for_when_it_was_made() -> None:
     assert seen.position[0] == pytest.approx(FLAT.position, abs=2e-3)
 
 
-def test_the_covariance_holds_the_agents_own_and_what_its_heading_drifts() -> None:
+def test_sighting_covariance_includes_agent_and_heading_drift() -> None:
     estimate = flown(flow(room()), FLAT)
     at, _ = in_map(*along(0.325))
     x, y, _ = FLAT.position - at
@@ -255,7 +255,7 @@ def test_an_agent_that_reported_nothing_sees_nothing() -> None:
     assert not len(made.locate(replace(gone, time=0.1, detections=found)).sightings.tag)
 
 
-def test_an_agent_heard_for_the_first_time_in_flight_sees_at_once() -> None:
+def test_agents_first_heard_in_flight_sight_targets_at_once() -> None:
     made = flow(room())
     made.locate(heard(0.0, *along(0.0), age=np.full(1, np.nan)))
     made.locate(heard(0.05, *along(0.05)))

@@ -363,7 +363,7 @@ class Dim(Simulator):
         return super().truth() if self.asked % 2 == 0 else None
 
 
-def test_ticks_without_a_truth_are_nan_before_and_after_the_first_one_that_has_it(
+def test_ticks_without_ground_truth_are_recorded_as_nan(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setitem(globals(), "Blind", Dim)
@@ -455,7 +455,7 @@ def test_the_figures_of_the_summary_follow_from_the_trajectory(
 # When it cannot be written
 
 
-def test_a_folder_that_cannot_be_made_is_an_event_and_the_flight_goes_on() -> None:
+def test_failing_to_create_the_folder_does_not_end_the_flight() -> None:
     summary = flown(folder=Path("m.yaml/out"))
     assert summary["outcome"] == "completed"
     (told,) = [event for event in summary["events"] if event["kind"] == "observer"]
@@ -463,7 +463,7 @@ def test_a_folder_that_cannot_be_made_is_an_event_and_the_flight_goes_on() -> No
     assert "m.yaml/out" in told["text"]
 
 
-def test_a_folder_that_is_gone_at_the_end_is_reported_and_costs_no_flight(
+def test_losing_the_folder_in_flight_does_not_fail_the_flight(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     class Vandal:

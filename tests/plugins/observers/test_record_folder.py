@@ -74,7 +74,7 @@ def test_runs_of_one_second_are_recorded_apart(monkeypatch: pytest.MonkeyPatch) 
     ]
 
 
-def test_out_names_the_folder_of_the_record_and_makes_those_above_it() -> None:
+def test_out_names_the_record_folder_and_creates_its_parents() -> None:
     assert main(["run", "hop.yaml", "--out", "a/b"]) == 0
     assert recorded("manifest.json", "a/b")["mission"]["name"] == "hop"
     assert not Path("runs").exists()

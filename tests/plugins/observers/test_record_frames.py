@@ -70,7 +70,7 @@ def test_no_image_is_kept_unless_asked_for() -> None:
 
 
 @pytest.mark.parametrize("obstacle", ["a file in the way", "an image that is not written"])
-def test_images_that_cannot_be_kept_cost_one_warning_and_no_record(
+def test_unsaved_images_cost_one_warning_and_no_record(
     obstacle: str, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     if obstacle == "a file in the way":

@@ -41,7 +41,7 @@ def test_columns_hold_the_rows_whatever_fits_into_memory(
             np.testing.assert_array_equal(columns[name], expected)
 
 
-def test_a_time_that_begins_as_a_whole_number_keeps_its_fractions(tmp_path: Path) -> None:
+def test_times_starting_at_an_integer_keep_their_fractions(tmp_path: Path) -> None:
     with Spool(tmp_path) as kept:
         for time in (0, 0.05):
             kept.add({"time": time})

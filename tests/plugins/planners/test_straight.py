@@ -49,7 +49,7 @@ def test_no_speed_is_above_the_goals_or_the_limit(
 
 
 @given(tables, tables, tables, speeds)
-def test_no_vertical_speed_leads_out_of_the_heights_within_a_tick(
+def test_vertical_speed_stays_within_the_heights_for_a_tick(
     here: Array, there: Array, velocity: Array, speed: Array
 ) -> None:
     here = here.copy()
@@ -146,7 +146,7 @@ def test_the_heading_stops_at_the_goals() -> None:
     assert turn(0, -5, ticks=4)[1:] == pytest.approx([-5, -5, -5])
 
 
-def test_after_a_pause_the_heading_turns_from_where_the_agent_looks() -> None:
+def test_heading_resumes_from_the_measured_yaw_after_a_pause() -> None:
     straight = planner(scene(1), yaw_rate_deg=60.0)
     wanted = goals([[0, 0, 1.0]], yaw=np.radians([90]))
     first = estimate(np.array([[0, 0, 1.0]]))

@@ -154,7 +154,7 @@ def test_the_line_to_what_it_steers_to_is_free(look_ahead: float) -> None:
         assert not kept.intersects(shapely.LineString([place[0, :2], ahead[:2]]))
 
 
-def test_an_agent_whose_estimate_is_noisy_arrives_and_hits_nothing() -> None:
+def test_agents_with_noisy_estimates_arrive_and_hit_nothing() -> None:
     blocked = room(BLOCK)
     noisy = flown(planner(blocked), blocked, HERE, goals(THERE), 15, noise=0.03)
     track = [place for place, _ in noisy]
@@ -162,7 +162,7 @@ def test_an_agent_whose_estimate_is_noisy_arrives_and_hits_nothing() -> None:
     assert np.linalg.norm(track[-1] - THERE) < 0.15
 
 
-def test_a_shown_path_is_from_the_agent_by_its_corners_to_its_goal() -> None:
+def test_shown_paths_lead_from_agent_to_goal_by_corners() -> None:
     plan = planner(room(BLOCK, n=2)).plan(
         estimate(np.array([[-2, 0.1, 1], [-2, 3, 1]])), goals([[2, 0.1, 1], [2, 3, 1]])
     )
@@ -173,7 +173,7 @@ def test_a_shown_path_is_from_the_agent_by_its_corners_to_its_goal() -> None:
     assert plan.paths.agent.tolist() == sorted(plan.paths.agent.tolist())
 
 
-def test_an_agent_that_is_pushed_out_of_sight_of_its_path_finds_another() -> None:
+def test_agents_pushed_out_of_sight_of_their_path_replan() -> None:
     blocked = room(BLOCK)
     visible = planner(blocked)
     visible.plan(estimate(HERE), goals(THERE))
@@ -187,9 +187,7 @@ def test_an_agent_that_is_pushed_out_of_sight_of_its_path_finds_another() -> Non
 
 
 @pytest.mark.parametrize(("aside", "left"), [([-0.2, 1.8, 1.0], 2), ([-0.9, 1.8, 1.0], 3)])
-def test_an_agent_pushed_to_where_it_sees_beyond_a_corner_does_not_go_back_to_it(
-    aside: Sequence[float], left: int
-) -> None:
+def test_agents_pushed_past_a_corner_do_not_return_to_it(aside: Sequence[float], left: int) -> None:
     flies = planner(room(BLOCK))
     first = flies.plan(estimate(HERE), goals(THERE)).paths.point
     assert len(first) == 8  # three points round each of two corners
@@ -213,7 +211,7 @@ def test_a_goal_that_moves_behind_the_block_is_followed() -> None:
     assert np.linalg.norm(place - wanted.position) < 0.2
 
 
-def test_no_more_paths_than_allowed_are_planned_in_one_tick_and_all_have_a_turn() -> None:
+def test_planning_is_limited_per_tick_and_round_robin() -> None:
     blocked = room(BLOCK, n=5)
     here = np.array([[-2, 0.1 * i, 1.0] for i in range(5)])
     visible, moving = planner(blocked, queries_per_tick=2), []
@@ -228,7 +226,7 @@ def test_no_more_paths_than_allowed_are_planned_in_one_tick_and_all_have_a_turn(
 
 
 @pytest.mark.parametrize(("moved", "flies"), [(0.5, True), (1.5, False)])
-def test_until_its_turn_an_agent_keeps_its_path_if_its_goal_moved_a_little(
+def test_paths_are_kept_until_replanned_if_the_goal_moves_little(
     moved: float, *, flies: bool
 ) -> None:
     blocked = room(BLOCK, n=2)
@@ -282,13 +280,13 @@ def test_a_goal_outside_the_heights_is_unreachable_not_moved(
         )
 
 
-def test_an_agent_a_little_outside_the_heights_may_stay_where_it_is() -> None:
+def test_agents_slightly_outside_the_heights_may_stay() -> None:
     here = np.array([[2, 0, 1.85]])
     plan = planner(room(BLOCK)).plan(estimate(here), goals(here))
     assert plan.unreachable.tolist() == [False]
 
 
-def test_a_goal_that_is_walled_in_is_unreachable_and_others_are_not() -> None:
+def test_only_walled_in_goals_are_unreachable() -> None:
     closed = Obstacle("cell", wall(CLOSED, 0.1), (0.0, 3.0))
     visible = planner(room(closed, n=3))
     here = np.array([[-3, 0, 1], [0.5, 0, 1], [-3, 1, 1]], float)
@@ -325,14 +323,14 @@ def test_an_agent_pushed_along_an_obstacle_flies_out_where_it_is(start: Sequence
     assert first / np.linalg.norm(first) == pytest.approx([-1, 0, 0], abs=1e-6)
 
 
-def test_an_agent_that_grazes_an_obstacle_flies_along_it_and_is_not_led_out() -> None:
+def test_agents_grazing_an_obstacle_fly_along_it() -> None:
     flies = planner(room(BLOCK))
     flies.plan(estimate(HERE), goals(THERE))
     plan = flies.plan(estimate(np.array([[-0.69, 0.5, 1.0]])), goals(THERE))
     assert plan.setpoint.velocity[0, 1] > 0.3
 
 
-def test_an_agent_that_grazes_an_obstacle_goes_to_its_goal_beside_it() -> None:
+def test_agents_grazing_an_obstacle_reach_a_goal_beside_it() -> None:
     start, goal = np.array([[-0.69, 0.0, 1.0]]), [[-0.62, 0.0, 1.0]]
     velocity = planner(room(BLOCK)).plan(estimate(start), goals(goal)).setpoint.velocity[0]
     assert velocity[0] > 0.05
@@ -490,7 +488,7 @@ def parted() -> tuple[Obstacle, ...]:
     return (Obstacle("across", wall([(0.0, -5.0), (0.0, 5.0)], 0.1), (0.0, 3.0)), *blocks)
 
 
-def test_while_a_long_search_goes_on_its_agent_holds_and_others_fly() -> None:
+def test_only_the_agent_of_a_long_search_holds() -> None:
     given = room(*parted(), n=2)
     visible = planner(given)
     here = np.array([[-4.6, 4.6, 1.0], [4.6, -4.6, 1.0]])
@@ -529,7 +527,7 @@ def test_paths_keep_the_margin_for_an_uncertain_position() -> None:
     assert 0.6 <= nearest_to_block(5.0, blocked) <= 0.65
 
 
-def test_without_an_uncertainty_margin_the_path_is_that_of_an_exact_position() -> None:
+def test_zero_uncertainty_margin_gives_the_exact_position_path() -> None:
     blocked = room(BLOCK)
     exact = replace(blocked, limits=replace(blocked.limits, uncertainty_margin=0.0))
     assert nearest_to_block(0.2, exact) == nearest_to_block(0.0, blocked)
@@ -555,7 +553,7 @@ def test_uncertain_agents_still_reach_goals_at_the_clearance() -> None:
     assert not plan.unreachable.any()
 
 
-def test_a_covariance_that_breathes_between_landmarks_does_not_change_the_path() -> None:
+def test_varying_covariance_does_not_change_the_path() -> None:
     blocked = room(BLOCK)
     made, ends = planner(blocked), set()
     for tick in range(80):

@@ -203,7 +203,7 @@ def both_agree(crowd: list[Obstacle], start: Sequence[float], goal: Sequence[flo
 
 
 @given(crowds(), places, places)
-def test_every_way_is_free_and_none_is_missed_that_a_coarse_grid_finds(
+def test_routes_are_free_and_as_complete_as_a_grid_search(
     crowd: list[Obstacle], start: tuple[float, ...], goal: tuple[float, ...]
 ) -> None:
     assume((gap(crowd, np.array([start, goal])) > 0.03).all())

@@ -114,7 +114,7 @@ offsets = st.floats(-0.05, 0.05)
 
 @share_of_examples(0.4)
 @given(starts(), offsets, offsets, st.lists(st.tuples(offsets, offsets), min_size=1, max_size=4))
-def test_an_agent_near_an_obstacle_takes_off_holds_is_pushed_leaves_and_comes_back(
+def test_agents_near_an_obstacle_take_off_leave_and_return(
     start: tuple[float, float, float], x: float, y: float, pushes: list[tuple[float, float]]
 ) -> None:
     near = room(start)
@@ -154,7 +154,7 @@ def test_another_agent_can_take_over_a_hold_near_an_obstacle(
     assert flown.position[1] == pytest.approx([*held[:2], 0.8], abs=0.05)
 
 
-def test_an_agent_shut_in_where_only_the_margin_lacks_holds_and_flies_about() -> None:
+def test_agents_shut_in_by_the_margin_alone_hold_and_fly() -> None:
     sides = [((-0.5, 0), (1, 2)), ((0.92, 0), (1, 2)), ((0.2, 1.2), (2.4, 0.4))]
     shut = [Obstacle("side", (box(*side, 0.0),), (0.0, 3.0)) for side in sides]
     shut.append(Obstacle("front", (box((0.2, -1.2), (2.4, 0.4), 0.0),), (0.0, 3.0)))
@@ -166,7 +166,7 @@ def test_an_agent_shut_in_where_only_the_margin_lacks_holds_and_flies_about() ->
 
 
 @pytest.mark.parametrize("goal", [[0.15, 0.0, 0.8], [0.05, 0.0, 0.8], [-0.5, 0.0, 1.6]])
-def test_a_goal_within_the_clearance_is_refused_in_the_words_of_the_check(
+def test_goals_within_the_clearance_are_refused_like_the_check(
     goal: Sequence[float],
 ) -> None:
     near = room(NOWHERE)
@@ -176,7 +176,7 @@ def test_a_goal_within_the_clearance_is_refused_in_the_words_of_the_check(
     assert plan.reasons == {0: f"[{shown}] {refused(near, goal)}"}
 
 
-def test_a_goal_is_flown_to_that_moves_out_of_the_clearance_by_a_little() -> None:
+def test_goals_moving_slightly_out_of_the_clearance_are_reached() -> None:
     flown, here = planner(room(NOWHERE)), estimate(np.array([[0.23, 0.5, 0.8]]))
     assert flown.plan(here, goals((0.17, 0.0, 0.8))).unreachable.tolist() == [True]
     assert flown.plan(here, goals((0.22, 0.0, 0.8))).unreachable.tolist() == [False]
@@ -203,7 +203,7 @@ anywhere = st.tuples(st.floats(-2, 2), st.floats(-3.2, 2), st.floats(0.2, 1.8))
 
 
 @given(anywhere, st.floats(0.001, 0.5), st.floats(0.001, 0.5))
-def test_the_check_refuses_exactly_the_goals_nearer_than_both_clearances(
+def test_check_refuses_exactly_goals_within_both_clearances(
     goal: tuple[float, float, float], clearance: float, vertical: float
 ) -> None:
     given_room = room(NOWHERE, obstacles=(WALL, SHELF))

@@ -139,7 +139,7 @@ places = st.tuples(st.floats(-4.5, 4.5), st.floats(-4.5, 4.5), st.floats(LOW, HI
 
 
 @given(crowds(), places, places)
-def test_no_path_is_nearer_to_an_obstacle_than_the_clearance_and_the_margin(
+def test_paths_keep_clearance_and_margin_to_obstacles(
     crowd: list[Obstacle], start: tuple[float, ...], goal: tuple[float, ...]
 ) -> None:
     assume(gap(crowd, np.array([start, goal])) > 0.03)
@@ -230,7 +230,7 @@ def test_a_wall_is_flown_round_where_that_is_shorter() -> None:
     assert way[:, 2].tolist() == pytest.approx([0.5] * len(way))
 
 
-def test_a_wall_whose_top_is_too_near_the_highest_height_is_not_flown_over() -> None:
+def test_walls_too_near_the_highest_height_are_not_overflown() -> None:
     across = barrier([(0, -5), (0, 5)], (0.0, HIGH - KEPT + 0.01))
     assert isinstance(routes(across).route(np.array([-2.0, 0, 1]), np.array([2.0, 0, 1])), str)
 
@@ -288,7 +288,7 @@ def test_what_is_too_near_above_is_named() -> None:
     )
 
 
-def test_from_within_the_clearance_the_shortest_way_leads_out_first() -> None:
+def test_routes_from_within_the_clearance_lead_out_first() -> None:
     way = found(routes(BLOCK), (0.3, 0.6, 1), (0, -2, 1))
     assert way[1] == pytest.approx([0.3, 0.5 + KEPT, 1], abs=0.02 * KEPT)
 
@@ -311,7 +311,7 @@ def test_the_way_out_does_not_lead_through_a_wall() -> None:
     assert why == "no path leads out from [0.15, 0, 1], too near to obstacles all around"
 
 
-def test_a_goal_between_clearance_and_margin_is_come_to_by_the_shortest_way() -> None:
+def test_goals_within_the_margin_are_reached_the_shortest_way() -> None:
     way = found(routes(BLOCK), (0.0, -2, 1), (0.3, 0.72, 1))
     assert way[-1].tolist() == [0.3, 0.72, 1]
     assert way[-2] == pytest.approx([0.3, 0.5 + KEPT, 1], abs=0.02 * KEPT)

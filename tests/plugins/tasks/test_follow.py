@@ -183,7 +183,7 @@ def test_a_good_path_is_no_problem(problems: Any) -> None:
     assert problems("follow", scene(2), (0, 1), **EIGHT, laps=2) == []
 
 
-def test_a_point_that_is_shifted_into_an_obstacle_is_reported_with_its_shift(
+def test_points_shifted_into_an_obstacle_are_reported_with_shift(
     problems: Any, tmp_path: Path
 ) -> None:
     (tmp_path / "path.csv").write_text("x,y,z\n0.5,-1,0.8\n0.5,1,0.8\n0,2,0.8\n")
@@ -200,7 +200,7 @@ def test_a_point_that_is_shifted_into_an_obstacle_is_reported_with_its_shift(
     ]
 
 
-def test_a_path_through_an_obstacle_between_its_corners_is_a_problem(problems: Any) -> None:
+def test_paths_crossing_an_obstacle_between_corners_are_reported(problems: Any) -> None:
     pillar = Obstacle("pillar", (((-0.1, -1.1), (0.1, -1.1), (0.1, -0.9), (-0.1, -0.9)),), (0, 3))
     room = scene(1)
     room = replace(room, world=replace(room.world, obstacles=(pillar,)))

@@ -202,7 +202,7 @@ def flown_mission(folder: Path, steps: str) -> tuple[dict[str, Any], list[Tick]]
     return star_core.fly(load(folder / "hook.yaml", registry), registry), watch.ticks
 
 
-def test_in_a_mission_the_polynomial_is_flown_whatever_the_heading(tmp_path: Path) -> None:
+def test_on_board_polynomials_do_not_depend_on_heading(tmp_path: Path) -> None:
     summary, ticks = flown_mission(tmp_path, ALONE)
     assert summary["outcome"] == "completed", summary["reason"]
     on_board = [tick for tick in ticks if tick.doing == "follow cf1" and not tick.sent.active.any()]

@@ -103,7 +103,7 @@ def test_a_flight_may_take_three_times_its_way_and_5_s(make: Any, fly: Any) -> N
     assert fly(task, room, AIR[:1]).limit == pytest.approx(3 * 4.0 + 5)
 
 
-def test_a_flight_from_an_unknown_position_is_as_long_as_the_fence(make: Any, fly: Any) -> None:
+def test_timeouts_from_unknown_positions_assume_the_whole_fence(make: Any, fly: Any) -> None:
     room = scene(1)
     task = make("goto", room, (0,), to=[1.0, 0.0, 0.8])
     flown = fly(task, room, AIR[:1], located=lambda _: np.array([False]), longest=0.0)
@@ -204,7 +204,7 @@ def test_agents_that_are_pushed_far_away_arrive_anew(make: Any) -> None:
     assert statuses == [Status.RUNNING] * 3 + [Status.SUCCESS]
 
 
-def test_timeouts_of_large_swarms_have_room_for_several_crossings(make: Any) -> None:
+def test_timeouts_of_large_swarms_allow_for_several_crossings(make: Any) -> None:
     limits = [
         make("goto", scene(n), (0,), by=[0.0, 0.0, 0.1]).begin(
             estimate(np.array([[float(i), 0.0, 0.8] for i in range(n)])), health(n)

@@ -60,7 +60,7 @@ def test_a_hold_may_take_three_times_its_time_and_5_s(make: Any, fly: Any) -> No
     assert fly(make("hold", room, (0,), **{"for": 4.0}), room, AIR[:1]).limit == 17.0
 
 
-def test_holding_outside_the_fence_is_allowed_where_one_is_already(make: Any, fly: Any) -> None:
+def test_agents_already_outside_the_fence_may_hold(make: Any, fly: Any) -> None:
     room = scene(1)
     assert fly(make("hold", room, (0,)), room, [[11.0, 0.0, 0.8]]).status is Status.SUCCESS
 

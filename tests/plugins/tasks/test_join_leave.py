@@ -46,9 +46,7 @@ def test_an_agent_that_is_fit_takes_off(make: Any) -> None:
 
 
 @pytest.mark.parametrize(("volt", "shown"), [(3.7, "3.70"), (np.nan, "nan")])
-def test_an_agent_that_has_too_little_battery_or_reports_none_stays_down(
-    make: Any, volt: float, shown: str
-) -> None:
+def test_agents_with_low_or_unknown_battery_do_not_join(make: Any, volt: float, shown: str) -> None:
     step = joins(make, volt=volt)
     assert step.status is Status.FAILURE
     assert step.reason == f"the battery of cf1 is at {shown} V, 3.8 V needed"
@@ -86,7 +84,7 @@ class Deafness:
         return [TransportSpec(name="deaf", summary="Hears one.", make=make, realtime=False)]
 
 
-def test_an_agent_that_is_not_heard_does_not_join_and_the_others_land(tmp_path: Path) -> None:
+def test_unheard_agents_do_not_join_and_the_others_land(tmp_path: Path) -> None:
     (tmp_path / "room.yaml").write_text(
         "star: 1\nname: room\nfence: {low: [-2, -2, 0], high: [2, 2, 2]}\n"
     )
@@ -156,6 +154,6 @@ def test_an_agent_that_is_kept_far_from_its_home_does_not_land(make: Any) -> Non
     assert not lands(make, 0.6)
 
 
-def test_an_agent_that_comes_nearer_to_its_home_does_not_land_yet(make: Any) -> None:
+def test_agents_still_approaching_home_do_not_land_yet(make: Any) -> None:
     slowly = np.linspace(0.5, 0.15, 100)  # 7 cm a second
     assert not lands(make, *slowly, ticks=100)

@@ -61,9 +61,7 @@ def test_a_replacement_of_a_landing_agent_lands_too(make: Any) -> None:
     assert command.agent.tolist() == [2]
 
 
-def test_an_agent_that_is_not_located_descends_as_from_the_greatest_height(
-    make: Any, fly: Any
-) -> None:
+def test_unlocated_agents_descend_as_from_the_greatest_height(make: Any, fly: Any) -> None:
     room = scene(2)
     task = make("land", room, (0, 1))
     flown = fly(task, room, AIR, located=lambda _: np.array([True, False]))

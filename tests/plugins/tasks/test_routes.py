@@ -19,7 +19,7 @@ shares = st.floats(0, 1)
 
 
 @given(lines, shares, shares)
-def test_two_points_are_no_further_apart_than_the_line_between_them(
+def test_path_points_are_no_farther_apart_than_along_the_path(
     line: list[tuple[float, float, float]], one: float, other: float
 ) -> None:
     path = Polyline(line)

@@ -59,7 +59,7 @@ def test_it_waits_until_all_are_located(make: Any, fly: Any) -> None:
     assert flown.goals[40] is not None
 
 
-def test_an_agent_that_ends_far_from_the_height_has_not_taken_off(make: Any, fly: Any) -> None:
+def test_agents_that_end_far_from_the_height_did_not_take_off(make: Any, fly: Any) -> None:
     room = scene(1)
     task = make("takeoff", room, (0,))
     flown = fly(

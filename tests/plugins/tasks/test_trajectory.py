@@ -68,7 +68,7 @@ def test_a_piece_is_where_its_polynomials_are(
 
 
 @given(time=st.floats(-5, 15))
-def test_a_trajectory_is_between_where_it_begins_and_where_it_ends(time: float) -> None:
+def test_trajectories_stay_between_their_start_and_end(time: float) -> None:
     line = (rest_to_rest(0.0, 1.0, 4.0), rest_to_rest(1.0, 2.0, 4.0))
     pieces = np.array([[x, NOTHING, NOTHING, NOTHING] for x in line])
     trajectory = PolynomialPath(np.array([4.0, 4.0]), pieces, [2, 3])
@@ -208,7 +208,7 @@ def test_a_good_trajectory_is_no_problem(problems: Any, tmp_path: Path) -> None:
     assert problems("follow", room, (0,), **POLY7, timescale=1.0, relative=True) == []
 
 
-def test_a_trajectory_that_is_too_fast_is_refused_with_a_timescale(
+def test_trajectories_over_the_speed_limit_suggest_a_timescale(
     problems: Any, tmp_path: Path
 ) -> None:
     room = with_file(tmp_path, there_and_back(way=2.0, duration=4.0), limits=Limits(speed=0.5))
@@ -222,7 +222,7 @@ def test_a_trajectory_that_is_too_fast_is_refused_with_a_timescale(
     assert problems("follow", room, (0,), **POLY7, timescale=1.87) != []
 
 
-def test_a_trajectory_that_accelerates_too_much_is_refused_with_a_timescale(
+def test_trajectories_over_the_acceleration_suggest_a_timescale(
     problems: Any, tmp_path: Path
 ) -> None:
     limits = Limits(speed=9.0, acceleration=1.0)
@@ -250,7 +250,7 @@ def test_one_that_is_longer_than_the_room_is_a_problem(problems: Any, tmp_path: 
     ]
 
 
-def test_a_trajectory_in_an_obstacle_is_reported_at_its_first_position(
+def test_trajectories_in_an_obstacle_are_reported_at_first_hit(
     problems: Any, tmp_path: Path
 ) -> None:
     room = with_file(tmp_path, there_and_back(), limits=replace(WIDE, height=(0.0, 2.0)))

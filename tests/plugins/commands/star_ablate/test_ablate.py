@@ -51,7 +51,7 @@ def test_the_plugin_offers_the_command_ablate(capsys: pytest.CaptureFixture[str]
 
 
 @pytest.mark.usefixtures("in_process")
-def test_the_example_flies_and_shows_that_orca_keeps_drones_apart(
+def test_example_study_shows_that_orca_separates_drones(
     missions: Path, tmp_path: Path, rows: Rows, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = missions / "studies" / "avoiders.yaml"
@@ -66,9 +66,7 @@ def test_the_example_flies_and_shows_that_orca_keeps_drones_apart(
 
 
 @pytest.mark.usefixtures("in_process")
-def test_two_workers_write_the_same_results_as_one_process_but_for_wall_times(
-    flown: Study, rows: Rows
-) -> None:
+def test_two_workers_write_the_results_of_one_process(flown: Study, rows: Rows) -> None:
     with_two = rows(flown("").parents[1] / "out")
     out = flown("").parents[1] / "alone"
     assert main([str(flown(HOP + SLOW + "seeds: 2\n")), "--out", str(out)]) == 0
@@ -78,7 +76,7 @@ def test_two_workers_write_the_same_results_as_one_process_but_for_wall_times(
 
 
 @pytest.mark.usefixtures("wrecker")
-def test_runs_that_raise_or_die_are_results_and_the_rest_is_flown(study: Study, rows: Rows) -> None:
+def test_crashed_runs_are_results_and_the_rest_is_flown(study: Study, rows: Rows) -> None:
     path = study(
         HOP + "seeds: 1\n"
         "factors:\n"

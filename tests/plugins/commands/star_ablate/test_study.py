@@ -56,7 +56,7 @@ def test_a_level_sets_its_values_and_nothing_else(
     assert small.mission.source == expected
 
 
-def test_a_later_factor_sets_an_option_of_what_an_earlier_one_chose(
+def test_later_factors_set_options_of_earlier_choices(
     study: Callable[[str], Path], registry: Registry
 ) -> None:
     path = study(
@@ -94,7 +94,7 @@ def test_seeds_are_counted_or_listed(
     assert read(study(f"{HOP}seeds: {given}\n"), registry, wanted).seeds == seeds
 
 
-def test_with_own_seeds_each_mission_flies_once_with_the_seed_that_it_has(
+def test_own_seeds_fly_each_mission_once_with_its_seed(
     study: Callable[[str], Path], registry: Registry
 ) -> None:
     path = study("missions: [../hop.yaml, ../jump.yaml]\nseeds: own\n")
@@ -131,7 +131,7 @@ def test_a_run_flies_with_its_seed(study: Callable[[str], Path], registry: Regis
     assert run.mission().scene.seed == run.mission().source["seed"] == 41
 
 
-def test_every_run_has_a_key_of_its_own_that_is_the_same_when_read_again(
+def test_run_keys_are_unique_and_reproducible(
     study: Callable[[str], Path], registry: Registry
 ) -> None:
     text = HOP + "seeds: 3\nfactors: {same: {a: {}, b: {}}}\n"
@@ -152,7 +152,7 @@ def test_a_change_of_the_mission_or_its_world_changes_the_key(
     assert before.key != after.key
 
 
-def test_a_level_may_be_another_camera_s_file_and_a_change_of_it_changes_the_key(
+def test_camera_files_of_levels_are_part_of_the_run_key(
     study: Callable[[str], Path], registry: Registry
 ) -> None:
     path = study(
@@ -243,7 +243,7 @@ def test_what_a_level_sets_wrongly_is_located_in_the_study(
     assert "-1" in found
 
 
-def test_a_level_that_is_wrong_for_every_mission_is_reported_once(
+def test_levels_invalid_for_every_mission_are_reported_once(
     study: Callable[[str], Path], registry: Registry
 ) -> None:
     given = "missions: [../hop.yaml, ../jump.yaml]\nfactors: {fast: {very: {rate: -1}}}\n"
@@ -251,7 +251,7 @@ def test_a_level_that_is_wrong_for_every_mission_is_reported_once(
     assert "-1" in problem
 
 
-def test_what_is_wrong_with_a_mission_at_every_level_is_reported_once(
+def test_mission_problems_at_every_level_are_reported_once(
     study: Callable[[str], Path], registry: Registry
 ) -> None:
     path = study(HOP + "factors: {rate: {a: {rate: 10}, b: {rate: 20}}}\n")

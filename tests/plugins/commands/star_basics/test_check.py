@@ -83,7 +83,7 @@ def test_a_separation_larger_than_the_avoiders_is_a_warning() -> None:
     assert found.endswith("[option-conflict]")
 
 
-def test_an_obstacle_in_the_way_is_a_warning_if_the_avoider_avoids_it() -> None:
+def test_obstacles_in_the_way_are_warnings_if_the_avoider_avoids() -> None:
     (found,) = warnings(world=WALL)
     assert found.startswith("hop.yaml:14:11: warning: obstacle 'wall' is in the way of cf1 at [-1.")
     assert found.endswith("[path-blocked]")
@@ -97,7 +97,7 @@ RANGER = ("transport.profile=realistic",)
 LOW_WALL = WALL.replace("[0, 2]", "[0, 0.5]")
 
 
-def test_a_flight_over_an_obstacle_is_a_warning_if_a_ranger_measures_heights() -> None:
+def test_ranger_flights_over_an_obstacle_are_warnings() -> None:
     assert warnings(world=LOW_WALL, changes=RANGER) == [
         "hop.yaml:14:11: warning: cf1 flies over obstacle 'wall' at [-1.00, 0.46, 0.80], from "
         "where a ranger measures its height: it climbs by 0.50 m [over-obstacle]"
@@ -163,7 +163,7 @@ def test_an_undeclared_transport_is_in_real_time() -> None:
 
 
 @pytest.mark.parametrize("changes", [(), (*RANGER, "transport.noise=false")])
-def test_where_heights_are_those_of_the_map_obstacles_may_be_below(changes: tuple[str]) -> None:
+def test_obstacles_below_map_referenced_heights_are_not_reported(changes: tuple[str]) -> None:
     assert warnings(world=LOW_WALL, changes=changes) == []
 
 
@@ -179,7 +179,7 @@ class RightHeights:
         yield LocalizerSpec(name="map", summary="Maps.", make=_no_localizer, corrects_heights=True)
 
 
-def test_a_localizer_that_corrects_heights_may_fly_over_obstacles() -> None:
+def test_height_correcting_localizers_may_cross_obstacles() -> None:
     changes = (*RANGER, "localizer=map")
     assert warnings("", "", LOW_WALL, RightHeights(), changes=changes) == []
 

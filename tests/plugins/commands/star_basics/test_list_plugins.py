@@ -111,7 +111,7 @@ def test_two_plugins_of_one_name_are_both_listed() -> None:
     assert len(chosen(both, "shy")) == 2
 
 
-def test_a_plugin_that_was_left_out_is_reported_last_with_the_reason() -> None:
+def test_left_out_plugins_are_listed_last_with_the_reason() -> None:
     some = registry({"shy": {}})
     some.broken[Source("bad-dist:bad", "0.1")] = "ImportError: no torch"
     assert table(some).splitlines()[-1] == "left out: bad-dist 0.1:bad: ImportError: no torch"
@@ -153,7 +153,7 @@ def test_keys_of_maps_are_described_too() -> None:
     ]  # fmt: skip
 
 
-def test_options_that_contain_themselves_are_described_to_a_depth() -> None:
+def test_recursive_options_are_described_to_a_limited_depth() -> None:
     tree = {"type": "object", "properties": {"in": {"$ref": "#/$defs/tree"}}}
     found = with_options({"tree": {"$ref": "#/$defs/tree"}}, **{"$defs": {"tree": tree}})
     assert found[-1] == "tree.in.in.in.in: map"
@@ -186,7 +186,7 @@ def test_descriptions_fit_the_terminal(columns: str, monkeypatch: pytest.MonkeyP
         ),
     ],
 )
-def test_a_name_is_that_of_a_plugin_of_its_entry_point_or_of_its_kind(
+def test_names_match_plugins_entry_points_and_kinds(
     name: str, found: set[tuple[str, str]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.delenv("STAR_BLOCK_PLUGINS")  # of the plugin mcap
@@ -254,7 +254,7 @@ def test_the_json_holds_options_that_are_mappings_of_any_kind() -> None:
 # What is installed
 
 
-def test_every_built_in_plugin_is_reported_in_the_order_of_the_kinds() -> None:
+def test_built_in_plugins_are_listed_in_order_of_kind() -> None:
     found = [(plugin["kind"], plugin["name"]) for plugin in listed(Registry())["plugins"]]
     kinds = (*Registry().kinds, "observer")
     assert found == sorted(found, key=lambda one: (kinds.index(one[0]), one[1]))
@@ -292,14 +292,14 @@ def test_plugins_as_json_are_json(said: Said) -> None:
     assert "orca" in [plugin["name"] for plugin in found["plugins"]]
 
 
-def test_schema_prints_the_schema_that_missions_are_checked_against(said: Said) -> None:
+def test_schema_prints_the_schema_that_checks_missions(said: Said) -> None:
     assert main(["schema"]) == 0
     printed = json.loads(said.readouterr().out)
     assert printed == for_editors(compose(Registry().offers()))
     assert "takeoff" in printed["$defs"]["step"]["properties"]
 
 
-def test_schema_of_steps_is_printed_with_every_verb_and_parameters_in_place_of_values(
+def test_schema_of_steps_has_every_verb_and_admits_parameters(
     said: Said,
 ) -> None:
     assert main(["schema", "steps"]) == 0
@@ -332,7 +332,7 @@ def test_a_schema_that_cannot_be_written_reports_why(said: Said) -> None:
     )
 
 
-def test_a_plugin_that_is_left_out_is_named_on_standard_error_too(
+def test_left_out_plugins_are_reported_on_stderr_too(
     said: Said, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     class Broken:
@@ -375,7 +375,7 @@ class Greeter:
         return [CommandSpec(name="greet", summary="Greets.", configure=configure, run=greet)]
 
 
-def test_a_command_of_a_plugin_is_run_with_its_options_and_returns_the_status(
+def test_plugin_commands_receive_options_and_return_the_status(
     with_plugin: Callable[[object], None],
 ) -> None:
     with_plugin(Greeter())
@@ -424,7 +424,7 @@ def test_a_command_of_a_plugin_that_raises_names_the_plugin(
     assert said.readouterr().err.startswith(reported)
 
 
-def test_an_unknown_command_is_refused_with_those_that_plugins_add(
+def test_unknown_commands_get_suggestions_from_plugin_commands(
     said: Said, with_plugin: Callable[[object], None]
 ) -> None:
     with_plugin(Greeter())

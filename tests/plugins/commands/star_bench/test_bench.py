@@ -144,7 +144,7 @@ def test_an_unknown_or_invalid_argument_is_refused(
     assert problem.endswith(f"[{code}]")
 
 
-def test_options_that_an_avoider_does_not_take_are_refused_with_their_place(tmp_path: Path) -> None:
+def test_unsupported_avoider_options_are_refused_with_location(tmp_path: Path) -> None:
     out = tmp_path / "out"
     arguments = [*QUICK, "--avoiders", "orca=radius:-1", "--positions", "exact", "--out", str(out)]
     with pytest.raises(InputError) as caught:
@@ -205,7 +205,7 @@ class Idle:
         return [AvoiderSpec(name="idle", summary="Avoids nothing.", make=cast("Any", object))]
 
 
-def test_an_interrupted_campaign_leaves_a_table_marked_as_incomplete(tmp_path: Path) -> None:
+def test_interrupted_campaigns_leave_an_incomplete_table(tmp_path: Path) -> None:
     out = tmp_path / "out"
     arguments = [*QUICK, "--avoiders", "none", "--positions", "exact", "--out", str(out)]
 

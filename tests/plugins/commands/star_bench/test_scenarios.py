@@ -96,7 +96,7 @@ def test_every_agent_has_one_start_one_height_and_one_goal_a_leg(case: Case) -> 
 
 
 @given(cases)
-def test_the_same_seed_gives_the_same_files_and_another_seed_others(case: Case) -> None:
+def test_scenario_files_are_reproducible_by_seed(case: Case) -> None:
     again = Case(case.scenario, case.agents, case.seed)
     other = Case(case.scenario, case.agents, case.seed + 1)
     assert text(mission_lines(case, case.draw())) == text(mission_lines(again, again.draw()))
@@ -197,7 +197,7 @@ def test_drones_pass_between_any_two_polygons(seed: int) -> None:
     assert all(piece.equals(piece.convex_hull) for piece in pieces)
 
 
-def test_in_a_stack_two_and_two_meet_above_each_other_and_change_heights_and_sides() -> None:
+def test_stack_pairs_meet_vertically_and_swap_heights_and_sides() -> None:
     scenario = Case("stack", 8, 0).draw()
     meet, end = scenario.legs
     for one in range(0, 8, 2):

@@ -201,7 +201,7 @@ def test_compute_is_a_mean_for_each_part() -> None:
     assert (found["avoider (us)"], found["planner (us)"]) == (2.0, 2.0)
 
 
-def test_flights_are_grouped_and_pooled_for_each_avoider_and_setting() -> None:
+def test_flights_are_grouped_and_pooled_by_avoider_and_setting() -> None:
     keys = [
         Key("none", "circle", "2", "ideal", "exact"),
         Key("none", "disc", "2", "ideal", "exact"),
@@ -234,13 +234,13 @@ def test_the_page_explains_its_columns() -> None:
     assert "Time ratio: " in page
 
 
-def test_the_page_describes_waits_with_the_numbers_that_they_are_counted_by() -> None:
+def test_page_states_the_thresholds_that_count_waits() -> None:
     words = " ".join(LEGEND.split())
     assert f"makes no progress for {MAX_WAIT:g} s" in words
     assert f"ahead of it within {WAITING_DISTANCE:g} m" in words
 
 
-def test_the_csv_has_numbers_in_full_and_nothing_for_what_is_not_known() -> None:
+def test_csv_has_full_precision_and_blanks_for_unknown_values() -> None:
     (first, _) = csv.DictReader(StringIO(as_csv(rows([(KEY, flight(min_separation=1 / 3))]))))
     assert first["min separation (m)"] == "0.3333333333333333"
     assert first["min clearance (m)"] == ""

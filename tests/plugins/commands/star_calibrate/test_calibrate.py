@@ -127,7 +127,7 @@ def test_deviations_are_those_of_the_whole_least_squares_problem(studio: Any) ->
     assert found == pytest.approx(np.sqrt(variance * spread), rel=1e-4)
 
 
-def test_one_picture_from_straight_ahead_leaves_the_deviations_infinite(studio: Any) -> None:
+def test_one_frontal_image_leaves_infinite_deviations(studio: Any) -> None:
     places = [(np.zeros(3), np.array([-0.1, -0.06, 0.3]))]
     assert deviations(studio.points, places, studio.matrix, np.zeros(5), 0.1) == (np.inf,) * 4
 
@@ -135,7 +135,7 @@ def test_one_picture_from_straight_ahead_leaves_the_deviations_infinite(studio: 
 # The command
 
 
-def test_a_mission_that_names_the_file_is_flown_with_the_lens_that_was_found(
+def test_calibrated_lenses_fly_in_missions_that_name_the_file(
     shots: list[str],
     lens: Lens,
     missions: Path,
@@ -261,7 +261,7 @@ def test_it_is_a_command_of_star(capsys: pytest.CaptureFixture[str]) -> None:
 # What is refused
 
 
-def test_pictures_without_the_board_are_named_and_too_few_are_refused(
+def test_images_without_board_are_named_and_too_few_are_refused(
     shots: list[str], tmp_path: Path
 ) -> None:
     empty = blank(tmp_path / "empty.png")
@@ -274,7 +274,7 @@ def test_another_board_than_the_printed_one_is_not_found(shots: list[str]) -> No
     assert "no board of 8x7 inner corners found" in refused([*shots[:3], "--board", "8x7"])
 
 
-def test_pictures_from_straight_ahead_do_not_settle_the_focal_length(take: Take) -> None:
+def test_frontal_images_do_not_determine_the_focal_length(take: Take) -> None:
     message = refused(take(8, 0.0))
     assert "the images do not determine the focal length" in message
     assert message.endswith("tilted by 30 to 45 degrees, to all sides [calibration-failed]")

@@ -63,9 +63,7 @@ def test_flights_too_long_too_near_or_too_inexact_are_warned_of(
         "transport.noise=false",
     ],
 )
-def test_agents_far_apart_or_with_exact_positions_are_not_warned_of(
-    tmp_path: Path, change: str
-) -> None:
+def test_distant_or_exactly_located_agents_give_no_warning(tmp_path: Path, change: str) -> None:
     assert warnings(tmp_path, "mission.1.hold.for=60", change) == []
 
 

@@ -69,7 +69,7 @@ def told(path: Path, *plugins: object) -> Group:
     return results(mission, registry, rehearsal, Origins(mission, registry, rehearsal))
 
 
-def test_every_step_is_reported_with_its_agents_options_and_times(explain: Explain) -> None:
+def test_steps_are_reported_with_agents_options_and_times(explain: Explain) -> None:
     text = explain("  - takeoff: {height: 0.6}\n  - land: {agents: cf2}\n")
     assert text[text.index("plan:") :].splitlines() == [
         "plan: about 9.2 s, at most 25 s",
@@ -106,7 +106,7 @@ def test_a_condition_that_waits_lengthens_the_time_out(write: Write) -> None:
     assert wait.limit == 95.0
 
 
-def test_a_condition_that_is_not_known_beforehand_leaves_the_time_open(explain: Explain) -> None:
+def test_unpredictable_conditions_leave_the_time_open(explain: Explain) -> None:
     text = explain("  - takeoff: {}\n  - wait: {until: {battery_below: 3.5}, timeout: 7}\n")
     assert "as long as it takes, at most 7.0 s (given); until a battery is below 3.5 V" in text
 
@@ -138,13 +138,13 @@ def test_steps_of_each_agent_are_reported_once(explain: Explain) -> None:
     assert text.count("goto") == 1
 
 
-def test_steps_of_agents_that_take_different_times_are_reported_of_each(explain: Explain) -> None:
+def test_steps_with_agent_dependent_times_are_reported_per_agent(explain: Explain) -> None:
     steps = "  - takeoff: {}\n  - each: {steps: [goto: {to: [1, 0.5, 0.8]}, land: {}]}\n"
     text = explain(steps)
     assert text.count("goto") == 2
 
 
-def test_steps_of_an_agent_by_itself_are_neither_at_once_nor_one_after_the_other(
+def test_each_for_one_agent_is_neither_parallel_nor_sequential(
     explain: Explain,
 ) -> None:
     text = explain("  - each: {agents: cf1, steps: [takeoff: {}, land: {}]}\n")
@@ -167,7 +167,7 @@ def test_a_file_that_is_included_is_named(
     assert part < inner
 
 
-def test_a_program_from_outside_is_not_waited_for_and_its_port_stays_shut(
+def test_external_programs_are_not_awaited_nor_their_port_opened(
     write: Write, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("socket.create_server", None)  # a call raises
@@ -210,7 +210,7 @@ def test_a_step_that_takes_hold_of_nothing_outside_is_rehearsed(write: Write) ->
     assert (alone.takes, alone.limit) == (0.0, 5.0)
 
 
-def test_a_step_without_anything_external_is_not_reported_as_external(write: Write) -> None:
+def test_steps_without_external_are_not_reported_as_external(write: Write) -> None:
     path = write("  - ring: {}\n  - ring: {alone: true}\n")
     lines = list(plan(told(path, Alone()), Registry(Alone())))
     assert [line.strip() for line in lines if "default" in line] == ["by default port: 7"]
@@ -226,9 +226,7 @@ def test_a_step_that_would_fail_is_reported(explain: Explain) -> None:
     assert "s, even with nothing in the way" in grounded
 
 
-def test_what_is_flown_on_board_is_reported_with_the_time_it_takes(
-    explain: Explain, tmp_path: Path
-) -> None:
+def test_on_board_flight_is_reported_with_its_duration(explain: Explain, tmp_path: Path) -> None:
     header = ",".join(["duration", *(f"{a}^{p}" for a in ("x", "y", "z", "yaw") for p in range(8))])
     still = ",".join(["4.0", *["0"] * 32])
     (tmp_path / "still.csv").write_text(f"{header}\n{still}\n", encoding="utf-8")
@@ -289,9 +287,7 @@ NODE = re.compile(r"(\w+)(?:\(\[.+\]\)|\[\".+\"\]|\{\{\".+\"\}\})")
 
 
 @pytest.mark.parametrize("steps", CHARTS)
-def test_every_node_of_a_chart_is_reached_from_the_start_and_leads_on(
-    explain: Explain, steps: str
-) -> None:
+def test_chart_nodes_are_all_connected_to_start_and_end(explain: Explain, steps: str) -> None:
     first, *lines = explain(steps, "--mermaid").splitlines()
     assert first == "flowchart TD"
     edges = [match.groups() for line in lines if (match := EDGE.fullmatch(line.strip()))]
@@ -365,7 +361,7 @@ class Broken:
         self.closed += 1
 
 
-def test_a_verb_that_raises_is_reported_and_closed_and_the_others_are_explained(
+def test_verbs_that_raise_are_reported_closed_and_skipped(
     write: Write,
 ) -> None:
     broken = Broken()

@@ -103,7 +103,7 @@ def test_as_many_ports_are_needed_as_there_are_cameras(hop: Path) -> None:
         run([EYES, *flags])
 
 
-def test_cameras_are_streamed_from_the_port_of_an_ai_deck_by_default(
+def test_cameras_are_streamed_from_ai_deck_ports_by_default(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert CAMERAS == PORT == 5000
@@ -115,7 +115,7 @@ def test_cameras_are_streamed_from_the_port_of_an_ai_deck_by_default(
 
 
 @pytest.mark.parametrize("arguments", [[FIRST], [EYES, "--no-cameras"]])
-def test_no_camera_is_streamed_where_there_is_none_or_none_is_wanted(
+def test_absent_or_disabled_cameras_are_not_streamed(
     arguments: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run([*arguments, "--port", "0", "--duration", "0.01"]) == 0

@@ -64,7 +64,7 @@ def test_a_take_off_turns_to_its_yaw_in_radians(start: Start) -> None:
     assert bench.log("stateEstimate.yaw")[0] == pytest.approx(math.degrees(1.0), abs=1)
 
 
-def test_a_landing_stops_the_motors_and_is_over_two_seconds_later(start: Start) -> None:
+def test_landing_stops_the_motors_and_ends_two_seconds_later(start: Start) -> None:
     bench = aloft(start)
     assert bench.land() == 0
     assert bench.land() == 1
@@ -187,7 +187,7 @@ def test_a_trajectory_is_flown_backwards_and_slower(start: Start) -> None:
     assert bench.log("ctrltarget.x", "ctrltarget.vx") == pytest.approx((0.35, -0.05), abs=0.005)
 
 
-def test_a_relative_trajectory_starts_where_the_vehicle_is_and_looks(start: Start) -> None:
+def test_relative_trajectories_start_at_the_current_pose(start: Start) -> None:
     bench = aloft(start)
     bench.go(0.5, 0.2, 0.8, math.pi / 2)
     bench.fly(4.0)
@@ -212,7 +212,7 @@ def test_a_compressed_trajectory_is_flown(start: Start) -> None:
     assert bench.position == pytest.approx([0.5, 0, 0.8], abs=0.03)
 
 
-def test_a_trajectory_that_is_not_there_is_accepted_and_nothing_flies(start: Start) -> None:
+def test_missing_trajectories_are_accepted_but_not_flown(start: Start) -> None:
     bench = aloft(start)
     assert begin(bench, number=5) == 0
     assert begin(bench, number=200) == 0

@@ -73,7 +73,7 @@ def test_packets_that_are_sent_during_a_cut_are_lost() -> None:
     }
 
 
-def test_faults_are_reproducible_and_differ_by_seed_and_direction() -> None:
+def test_faults_are_reproducible_per_seed_and_direction() -> None:
     faults = LinkFaults(loss=0.2, jitter=0.1)
     assert carried(faults) == carried(faults)
     assert carried(faults) != carried(faults, seed=2)

@@ -36,7 +36,7 @@ def data(bench: Any) -> list[bytes]:
     return [packet for packet in bench.streamed[0] if packet[0] == Port.LOG << 4 | 2]
 
 
-def test_a_block_is_sent_at_its_period_with_milliseconds_since_the_start(start: Start) -> None:
+def test_log_blocks_are_sent_periodically_with_timestamps(start: Start) -> None:
     bench = start()
     assert control(bench, 6, 1, more=variables((FLOAT, "pm.vbat"))) == 0
     assert control(bench, 3, 1, 5) == 0
@@ -202,7 +202,7 @@ def test_angles_and_rates_have_the_firmwares_signs(start: Start) -> None:
     assert height == pytest.approx(800, abs=60)
 
 
-def test_the_ranger_measures_to_what_the_estimator_takes_for_the_floor(start: Start) -> None:
+def test_ranger_measures_the_distance_to_the_surface(start: Start) -> None:
     bench = start()
     bench.takeoff()
     bench.fly(3.0)
@@ -232,7 +232,7 @@ def test_body_velocities_turn_with_the_drone(start: Start) -> None:
     assert aside == pytest.approx(-0.3, abs=0.03)
 
 
-def test_an_accelerometer_shows_gravity_where_the_vehicle_stands_and_hovers(start: Start) -> None:
+def test_accelerometer_shows_gravity_at_rest_and_in_hover(start: Start) -> None:
     bench = start()
     bench.fly(0.1)
     assert bench.log("acc.z", "stateEstimate.az") == pytest.approx((1.0, 0.0), abs=0.01)

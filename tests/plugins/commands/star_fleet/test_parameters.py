@@ -54,7 +54,7 @@ def test_a_write_is_answered_with_the_same_bytes_and_stays(start: Start) -> None
     assert read(bench, DEVIATION)[3:] == struct.pack("<f", 0.25)
 
 
-def test_the_write_of_what_is_only_to_be_read_is_not_answered_at_all(start: Start) -> None:
+def test_writes_to_read_only_parameters_are_not_answered(start: Start) -> None:
     bench = start()
     assert bench.ask(Port.PARAMETERS, 2, struct.pack("<HB", DECK, 0)) == []
     assert read(bench, DECK)[3:] == b"\x01"

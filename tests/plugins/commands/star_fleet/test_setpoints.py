@@ -33,7 +33,7 @@ def test_a_velocity_is_flown_along_the_odometry_frame(start: Start) -> None:
     assert velocity == pytest.approx((0.3, -0.2, 0.1), abs=0.03)
 
 
-def test_a_turn_is_anticlockwise_in_degrees_and_clockwise_in_old_formats(start: Start) -> None:
+def test_yaw_rates_are_clockwise_in_old_setpoint_formats_only(start: Start) -> None:
     bench = aloft(start)
     bench.fly(1.0, "Bffff", 8, 0.0, 0.0, 0.0, 45.0)
     (left,) = bench.log("stateEstimate.yaw")
@@ -67,7 +67,7 @@ def test_a_position_is_flown_to_and_its_yaw_is_in_degrees(start: Start) -> None:
     assert bench.log("stateEstimate.yaw")[0] == pytest.approx(90, abs=1)
 
 
-def test_a_full_state_is_in_thousandths_and_its_yaw_in_the_quaternion(start: Start) -> None:
+def test_full_state_is_in_millimetres_with_a_yaw_quaternion(start: Start) -> None:
     yaw = math.radians(60)
     packed = int(compress(np.array([[0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2)]]))[0])
     values = (6, 300, -200, 900, 0, 0, 0, 0, 0, 0, packed, 0, 0, 0)
@@ -128,7 +128,7 @@ def test_a_format_that_is_unknown_asks_for_nothing(kind: int) -> None:
 
 
 @pytest.mark.parametrize("kind", [1, 2, 4, 5, 6, 7, 8, 9, 10, 11])
-def test_a_setpoint_that_is_too_short_or_no_number_asks_for_nothing(kind: int) -> None:
+def test_short_or_nonfinite_setpoints_are_ignored(kind: int) -> None:
     assert decode(bytes([kind]) + bytes(9)) is None
     if kind != 6:
         assert decode(struct.pack("<B4f", kind, math.nan, 0, 0, 0)) is None
@@ -142,7 +142,7 @@ def test_what_is_held_is_what_the_format_has() -> None:
     assert decoded("B4f", 7, 1, 2, 3, 0).axes == (POSITION, POSITION, POSITION)
 
 
-def test_an_agent_that_levels_out_keeps_its_height_and_lets_go_of_the_rest() -> None:
+def test_levelling_out_keeps_height_and_frees_other_axes() -> None:
     level = decoded("B4f", 10, 1.0, 2.0, 30.0, 0.7).levelled()
     assert level.axes == (FREE, FREE, POSITION)
     assert level.position[2] == pytest.approx(0.7)

@@ -38,9 +38,7 @@ def test_a_plain_piece_is_numpys_polynomial(
 
 
 @given(coefficients, durations, fractions)
-def test_a_piece_backwards_is_where_it_was_that_long_before_its_end(
-    values: list[float], duration: float, fraction: float
-) -> None:
+def test_reversed_pieces_mirror_time(values: list[float], duration: float, fraction: float) -> None:
     piece = Piece(np.reshape(values, (4, 8)), duration)
     there = piece.backwards().at(fraction * duration)[0]
     assert there == pytest.approx(piece.at((1 - fraction) * duration)[0], abs=1e-9)

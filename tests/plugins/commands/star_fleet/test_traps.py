@@ -42,7 +42,7 @@ def test_after_a_disconnect_a_take_off_is_accepted_and_not_flown(start: Start) -
     assert bench.position[2] == pytest.approx(0.8, abs=0.02)
 
 
-def test_a_command_under_setpoints_is_accepted_and_not_flown_until_they_let_go(
+def test_commands_under_setpoints_wait_until_setpoints_stop(
     start: Start,
 ) -> None:
     bench = aloft(start)
@@ -89,7 +89,7 @@ def test_closing_the_link_right_after_landing_locks_the_vehicle(start: Start) ->
     )
 
 
-def test_closing_the_link_two_seconds_after_landing_locks_nothing(start: Start) -> None:
+def test_closing_the_link_two_seconds_after_landing_is_safe(start: Start) -> None:
     bench = aloft(start)
     bench.land()
     bench.fly(1.5 + 2.1)
@@ -133,7 +133,7 @@ def test_two_seconds_without_setpoints_lock_the_vehicle(start: Start) -> None:
     assert bench.takeoff() == errno.EBUSY
 
 
-def test_the_high_level_commander_hovers_without_a_link_for_as_long_as_it_can(
+def test_high_level_commander_hovers_without_a_link(
     start: Start,
 ) -> None:
     bench = aloft(start)
@@ -174,7 +174,7 @@ def test_a_parameter_stops_the_motors_too(start: Start) -> None:
 @pytest.mark.parametrize(
     ("port", "payload"), [(Port.SUPERVISOR, b"\x04"), (Port.LOCALISATION, b"\x04")]
 )
-def test_the_watchdog_stops_drones_without_a_setpoint_for_a_second(
+def test_watchdog_stops_drones_after_a_second_without_setpoint(
     start: Start, port: int, payload: bytes
 ) -> None:
     bench = aloft(start)
@@ -196,13 +196,13 @@ def full_state(yaw_rate: float) -> bytes:
     return bytes(sent[0].data)
 
 
-def test_a_full_states_rates_in_degrees_do_not_fit_beyond_what_rad_per_s_allow() -> None:
+def test_full_state_yaw_rates_in_degrees_overflow() -> None:
     assert struct.unpack("<h", full_state(math.radians(45))[-2:]) == (785,)
     with pytest.raises(struct.error):
         full_state(45.0)
 
 
-def test_a_full_states_rates_in_degrees_are_57_times_too_fast_and_not_flown(start: Start) -> None:
+def test_full_state_yaw_rates_have_no_effect_in_flight(start: Start) -> None:
     def after(yaw_rate: float) -> Any:
         bench = aloft(start)
         for _ in range(20):
@@ -237,7 +237,7 @@ def test_a_vehicle_with_brushless_motors_flies_when_it_is_armed(start: Start) ->
     assert not bench.turned
 
 
-def test_an_agent_that_does_not_fly_for_half_a_minute_is_disarmed(start: Start) -> None:
+def test_idle_agents_are_disarmed_after_half_a_minute(start: Start) -> None:
     bench = start(arms_itself=False)
     bench.ask(Port.SUPERVISOR, 1, b"\x01\x01")
     bench.fly(29.0)
@@ -246,7 +246,7 @@ def test_an_agent_that_does_not_fly_for_half_a_minute_is_disarmed(start: Start) 
     assert bench.state() == Supervisor.CAN_ARM
 
 
-def test_an_agent_that_tumbles_in_flight_has_crashed_and_can_recover(start: Start) -> None:
+def test_tumbled_agents_have_crashed_and_can_recover(start: Start) -> None:
     bench = aloft(start)
     drone = bench.fleet.simulator.drones[0]
     for _ in range(30):

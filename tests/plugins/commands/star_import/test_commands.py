@@ -61,7 +61,7 @@ def test_every_verb_has_its_step(commands: Fly) -> None:
     ]
 
 
-def test_a_goal_at_the_end_of_the_world_is_refused_with_its_place(commands: Fly) -> None:
+def test_goals_too_far_from_the_origin_are_refused_with_location(commands: Fly) -> None:
     goto = '"goto_velocity", "wait", "cf1", "", "1e308 0 1 0"'
     assert refused(commands, UP + goto) == [
         "m.yaml:3:1: a position is more than 1000 m from the origin [invalid-input]"
@@ -118,9 +118,7 @@ def test_names_with_an_underscore_between_are_two(commands: Fly) -> None:
     assert steps(commands('"takeoff", "wait", "cf1_cf2", "", ""'))[0][1] == (0, 1)
 
 
-def test_a_mission_without_commands_is_one_in_which_no_agent_moves(
-    place: Put, take: Import
-) -> None:
+def test_empty_command_lists_give_an_empty_mission(place: Put, take: Import) -> None:
     place("empty.yaml", "command_sequence: [\n  # a comment\n]\n")
     told = take("empty.yaml", "--agent", "cf1=0,0")
     assert "the list of commands: is empty, and so is the mission" in told

@@ -112,9 +112,7 @@ def test_an_imported_trajectory_flies(place: Put, take: Import) -> None:
     assert summary["outcome"] == "completed"
 
 
-def test_a_trajectory_that_is_too_fast_is_refused_with_what_would_fit(
-    place: Put, take: Import
-) -> None:
+def test_excessively_fast_trajectories_suggest_a_timescale(place: Put, take: Import) -> None:
     place("eight.csv", trajectory(2.0, 4.0))
     with pytest.raises(InputError) as raised:
         take("eight.csv", "--agent", "cf1=0,0")
@@ -153,7 +151,7 @@ def test_numbers_that_are_in_no_file_are_reported(place: Put, take: Import) -> N
     )
 
 
-def test_an_agent_that_is_never_named_is_missed_though_there_is_none(place: Put) -> None:
+def test_missing_agents_are_reported_even_without_any_agent(place: Put) -> None:
     place("m.yaml", 'command_sequence: ["land", "wait", "cf2", "", ""]')
     with pytest.raises(InputError, match="no agent named 'cf2'; add its position: --agent"):
         main(["m.yaml"])

@@ -62,7 +62,7 @@ def radio_options() -> dict[str, Any]:
     return dict(part.written)
 
 
-def test_parameters_of_a_robot_override_its_types_and_those_override_all(swarm: Swarm) -> None:
+def test_robot_parameters_override_type_and_global_parameters(swarm: Swarm) -> None:
     told = swarm(
         "type: a, firmware_params: {ring: {effect: 7}, kalman: {mNBaro: 1.0e-7}}",
         "type: b, firmware_params: {ring: {effect: 7}, kalman: {mNBaro: 0.0000001}}",
@@ -81,7 +81,7 @@ def test_parameters_of_a_robot_override_its_types_and_those_override_all(swarm: 
     assert not [line for line in told if "warning" in line or "ignored" in line]
 
 
-def test_parameters_that_differ_between_robots_are_reported_and_left_out(swarm: Swarm) -> None:
+def test_parameters_differing_between_robots_are_left_out(swarm: Swarm) -> None:
     told = swarm(
         "a: 1",
         "firmware_params: {ring: {effect: 9}, pm: {lowVoltage: 3.2}}",
@@ -120,7 +120,7 @@ def test_parameters_that_are_none_are_refused(swarm: Swarm, every: str, message:
         swarm("a: 1", every=every)
 
 
-def test_the_addresses_of_decks_are_those_of_the_radio_transports_cameras(swarm: Swarm) -> None:
+def test_deck_addresses_become_cameras_of_the_radio_transport(swarm: Swarm) -> None:
     told = swarm(
         "ip_add: 192.168.1.101, port: 5000", "ip_add: deck-two, port: 5001", "ip_add: deck-two"
     )
@@ -136,9 +136,7 @@ def test_the_addresses_of_decks_are_those_of_the_radio_transports_cameras(swarm:
     assert summary["outcome"] == "completed"
 
 
-def test_with_landmarks_images_are_rendered_and_missing_decks_are_reported(
-    swarm: Swarm, place: Put
-) -> None:
+def test_landmarks_enable_rendering_and_report_missing_decks(swarm: Swarm, place: Put) -> None:
     place("lab.yaml", TAGS)
     told = swarm("ip_add: 192.168.1.101", "a: 1", files="lab.yaml")
     assert load(IMPORTED, Registry()).parts["transport"].written == {}

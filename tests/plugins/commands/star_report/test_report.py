@@ -122,9 +122,7 @@ def test_an_estimate_without_truth_has_no_error_figure(run: Run, tmp_path: Path)
     assert "Position error</h2>" not in (tmp_path / "report.html").read_text()
 
 
-def test_images_with_detections_are_shown_with_the_tags_and_why_one_is_not_used(
-    run: Run, tmp_path: Path
-) -> None:
+def test_images_with_detections_show_tags_and_rejection_reasons(run: Run, tmp_path: Path) -> None:
     shutil.copytree(run.folder, tmp_path, dirs_exist_ok=True)
     frames = tmp_path / "frames" / "cf2"
     frames.mkdir(parents=True)
@@ -187,7 +185,7 @@ def test_a_flight_reports_on_request(
     assert "no report without a record" in capsys.readouterr().err
 
 
-def test_without_plotly_nothing_flies_and_a_study_names_the_package(
+def test_reports_without_plotly_name_the_package_before_flight(
     run: Run, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr("star_report.command.find_spec", lambda _name: None)

@@ -45,7 +45,7 @@ def test_every_run_is_a_point_and_every_seed_a_line(folder: Path) -> None:
     assert means["x"] == pytest.approx([0.15, 0.5])
 
 
-def test_differences_are_to_the_first_condition_of_the_same_mission(folder: Path) -> None:
+def test_differences_are_to_the_first_condition_per_mission(folder: Path) -> None:
     other = TABLE.partition("\n")[2].replace("hop", "fly").replace("0.1,", "0.3,")
     (folder / FILE).write_text(TABLE + other)
     study = read(folder)
@@ -56,7 +56,7 @@ def test_differences_are_to_the_first_condition_of_the_same_mission(folder: Path
     assert means == pytest.approx([0.35, 0.25])
 
 
-def test_levels_have_the_names_of_their_factors_if_there_are_several(folder: Path) -> None:
+def test_levels_are_prefixed_by_their_factor_if_several(folder: Path) -> None:
     lines = TABLE.replace("avoider,", "avoider,noise,").replace("orca>,", "orca>,on,")
     (folder / FILE).write_text(lines.replace("none,", "none,on,"))
     assert list(read(folder).conditions) == [
@@ -86,7 +86,7 @@ def test_one_value_has_no_interval() -> None:
     assert interval([]) is None
 
 
-def test_the_page_escapes_names_and_shows_the_share_of_completed_runs(folder: Path) -> None:
+def test_page_escapes_names_and_shows_completion_rates(folder: Path) -> None:
     assert main(["report", str(folder)]) == 0
     page = (folder / "report.html").read_text()
     assert "<orca>" not in page.split("<script", 1)[0]

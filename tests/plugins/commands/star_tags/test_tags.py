@@ -199,7 +199,7 @@ def test_the_black_modules_of_a_tag_do_not_overlap() -> None:
         ),
     ],
 )
-def test_tags_that_cannot_be_printed_are_reported_with_their_locations(
+def test_unprintable_tags_are_reported_with_locations(
     tags: str, paper: str, found: list[str], world: Callable[[str], Path]
 ) -> None:
     path = world(tags)

@@ -63,7 +63,7 @@ def test_a_watched_flight_is_the_same_flight(unwatched: Any) -> None:
     assert flown(LiveView(0.3, port=PORT)) == unwatched
 
 
-def test_the_page_shows_agents_steps_and_events_and_lands_all_agents_with_its_token() -> None:
+def test_page_shows_the_flight_and_lands_agents_with_its_token() -> None:
     operator, view = Operator(), LiveView(0.3, port=PORT)
 
     def act(browser: Browser) -> None:
@@ -92,7 +92,7 @@ def test_the_page_stops_the_motors() -> None:
     assert summary["reason"] == "interrupted by the operator; stopped, motors off"
 
 
-def test_the_page_changes_the_speed_of_the_simulation_and_nothing_else(unwatched: Any) -> None:
+def test_page_changes_simulation_speed_and_nothing_else(unwatched: Any) -> None:
     operator = Operator()
 
     def act(browser: Browser) -> None:
@@ -135,7 +135,7 @@ def test_a_page_that_fails_does_not_disturb_the_flight(
     assert "the view is closed: its process ended" in caplog.text
 
 
-def test_without_viser_the_run_ends_before_the_flight_with_the_command_to_install_it(
+def test_missing_viser_is_reported_before_the_flight(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(star_view, "find_spec", lambda _name: None)

@@ -88,7 +88,7 @@ def test_previous_and_next_jump_from_event_to_event(viewer: Replay) -> None:
     assert times[-1] == pytest.approx(viewer._time[-1])
 
 
-def test_a_mission_is_shown_with_pads_and_the_steps_of_its_rehearsal() -> None:
+def test_missions_are_shown_with_pads_and_rehearsed_steps() -> None:
     mission = load(FIRST_FLIGHT, registry := Registry())
     steps = planned_steps(mission, registry)
     assert [step.verb for step in steps] == [
@@ -147,7 +147,7 @@ def test_a_replay_shows_the_saved_images_with_the_detected_tags(
     assert green == {10: False, 22: False, 26: True, 45: False}
 
 
-def test_a_mission_that_no_plugin_rehearses_is_shown_without_its_plan(
+def test_unrehearsed_missions_are_shown_without_a_plan(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setenv("STAR_BLOCK_PLUGINS", "explain")

@@ -85,7 +85,7 @@ def test_two_cameras_may_be_of_one_file() -> None:
     assert camera("swarm.cf1.camera=low").pitch == pytest.approx(0.3491, abs=1e-4)
 
 
-def test_a_file_that_is_not_there_is_reported_where_the_mission_names_it() -> None:
+def test_missing_camera_files_are_reported_in_the_mission() -> None:
     Path("cameras/lens.yaml").unlink()
     line = len(Path("hop.yaml").read_text().splitlines())
     assert refusal() == (
@@ -107,7 +107,7 @@ def test_a_link_out_of_the_folder_is_not_followed(tmp_path_factory: pytest.TempP
     assert "is outside the mission's folder" in refusal("cameras.mine.file=cameras/link.yaml")
 
 
-def test_every_mistake_in_a_file_is_reported_once_though_two_cameras_are_of_it() -> None:
+def test_problems_of_shared_camera_files_are_reported_once() -> None:
     Path("cameras/lens.yaml").write_text(FILE.replace("width", "widht").replace("1\n", "2\n", 1))
     two = "cameras={mine: {file: cameras/lens.yaml}, low: {file: cameras/lens.yaml}}"
     assert refusal(two).splitlines() == [
@@ -117,7 +117,7 @@ def test_every_mistake_in_a_file_is_reported_once_though_two_cameras_are_of_it()
     ]
 
 
-def test_a_mistake_that_only_file_and_mission_make_together_is_reported_in_the_file() -> None:
+def test_problems_of_camera_and_mission_name_the_camera_file() -> None:
     assert refusal("cameras.mine.width=100") == (
         "cameras/lens.yaml:5:9: the principal point [160, 120] is outside the image of 100 x 240 px"
         " [invalid-camera]"
@@ -129,7 +129,7 @@ def test_a_mission_is_kept_with_the_contents_of_its_camera_files() -> None:
     assert kept["cameras"] == {"mine": {**OWN, "rate": 8, "pitch_deg": 30}}
 
 
-def test_what_is_kept_of_a_flight_is_enough_to_have_the_same_cameras() -> None:
+def test_manifests_restore_cameras_without_their_file() -> None:
     before = camera()
     mission = manifest(load("hop.yaml", Registry()), Registry())["mission"]
     Path("cameras/lens.yaml").unlink()

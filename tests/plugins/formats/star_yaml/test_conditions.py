@@ -105,7 +105,7 @@ def test_how_long_a_condition_waits_is_the_longest_time_in_it(
     assert parse(condition).longest_wait == time
 
 
-def test_a_place_that_agents_come_near_may_be_one_where_they_cannot_be() -> None:
+def test_near_conditions_may_refer_to_unreachable_points() -> None:
     near = {"near": {"point": [3, 0, 0], "within": 1}}
 
     def found(metres: float) -> list[Any]:
@@ -165,7 +165,7 @@ written = st.recursive(
 
 
 @given(written)
-def test_a_condition_holds_when_only_time_is_asked_for_no_later_than_it_waits(
+def test_time_conditions_hold_no_later_than_their_longest_wait(
     one: dict[str, Any],
 ) -> None:
     condition = parse(one)

@@ -75,7 +75,7 @@ def test_what_editors_admit_is_what_can_become_right(
     assert ADMITTED.is_valid(step) == (not wrong)
 
 
-def test_a_schema_that_admits_parameters_is_one_and_offers_no_alternatives() -> None:
+def test_schema_with_parameters_is_valid_without_alternatives() -> None:
     Draft202012Validator.check_schema(ADMITTING)
     assert "oneOf" not in json.dumps(ADMITTING)
     assert "anyOf" not in json.dumps(ADMITTING)

@@ -100,7 +100,7 @@ def problems(folder: Path, plugin: Shelf, *steps: str) -> list[str]:
     return []
 
 
-def test_a_goal_that_a_third_partys_planner_refuses_is_reported_at_its_value(
+def test_goals_refused_by_third_party_planners_are_located(
     tmp_path: Path,
 ) -> None:
     assert problems(tmp_path, Shelf(), "goto: {agents: cf1, to: [0, 1, 1.2]}") == [
@@ -146,7 +146,7 @@ def test_every_verb_of_stars_own_declares_where_it_sends_agents(
     ("options", "refused"),
     [("relative: false", "way.csv:2: "), ("relative: false, on_board: true", ""), ("", "")],
 )
-def test_of_a_trajectory_what_the_planner_flies_is_known_unless_it_is_relative(
+def test_absolute_trajectories_are_checked_by_the_planner(
     tmp_path: Path, options: str, refused: str
 ) -> None:
     numbers = ["4"] + ["0"] * 32
@@ -160,7 +160,7 @@ def test_of_a_trajectory_what_the_planner_flies_is_known_unless_it_is_relative(
     assert all(refused in problem and "higher than shelf's top" in problem for problem in found)
 
 
-def test_goals_of_one_value_are_one_problem_that_lists_the_others(tmp_path: Path) -> None:
+def test_goals_of_one_value_are_one_problem_listing_the_others(tmp_path: Path) -> None:
     (problem,) = problems(tmp_path, Shelf(), "goto: {to: [0, 1, 1.2]}")
     assert problem.endswith(
         "position 1 of 2: goal [-0.3, 1, 1.2] is higher than shelf's top, 1 m"
@@ -177,7 +177,7 @@ def test_a_third_partys_verb_names_its_goals(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("check_goals", [None, below_the_top])
-def test_a_goal_at_which_a_drone_touches_an_obstacle_is_refused_whatever_the_planner_is(
+def test_goals_in_contact_with_obstacles_fail_for_any_planner(
     tmp_path: Path, check_goals: Any
 ) -> None:
     found = problems(tmp_path, Shelf(check_goals), "tour: {points: [[0.95, 1.2, 0.8]]}")

@@ -39,7 +39,7 @@ def faults(lab: Lab, tour: str) -> list[str]:
     return [problem.rpartition("/")[2] for problem in caught.value.problems]
 
 
-def test_the_steps_of_another_file_are_flown_with_the_values_given(lab: Lab) -> None:
+def test_included_steps_are_flown_with_their_arguments(lab: Lab) -> None:
     summary = lab.fly(TOUR)
     assert [(step["verb"], step["agents"]) for step in summary["steps"]] == [
         ("climb", ["cf1", "cf2"]),
@@ -56,7 +56,7 @@ def test_a_value_that_is_not_given_is_the_one_of_the_file(lab: Lab) -> None:
     assert wait["ended_s"] - wait["begun_s"] == pytest.approx(1.0)
 
 
-def test_what_else_is_wrong_is_reported_beside_an_include_that_is(lab: Lab) -> None:
+def test_other_problems_are_reported_beside_a_wrong_include(lab: Lab) -> None:
     wrong = "\n  - climb: {}\n  - include: {file: gone.yaml}\n  - wait: {agents: 7}\n"
     found = faults(lab, wrong)
     assert len(found) == 2
@@ -96,7 +96,7 @@ def places(lab: Lab, tour: str) -> list[str]:
     ]
 
 
-def test_a_value_that_does_not_fit_is_reported_where_it_is_given_and_used(lab: Lab) -> None:
+def test_invalid_arguments_are_located_at_include_and_use(lab: Lab) -> None:
     wrong = TOUR.replace("who: cf1", "who: cf9")
     assert places(lab, wrong) == ["mission.yaml:12:46 < patrol.yaml:5:21"]
     assert faults(lab, wrong) == [
@@ -104,7 +104,7 @@ def test_a_value_that_does_not_fit_is_reported_where_it_is_given_and_used(lab: L
     ]
 
 
-def test_of_two_includes_the_one_with_the_wrong_value_is_reported(lab: Lab) -> None:
+def test_only_the_include_with_the_wrong_argument_is_reported(lab: Lab) -> None:
     tour = (
         "\n  - climb: {}"
         "\n  - include: {file: patrol.yaml, with: {to: 1, who: cf1}}"
@@ -152,9 +152,7 @@ def test_a_name_in_the_file_is_at_fault_by_itself(lab: Lab, tmp_path: Path) -> N
     assert places(lab, TOUR) == ["patrol.yaml:6:12"]
 
 
-def test_a_file_with_a_mistake_that_is_included_twice_is_reported_once(
-    lab: Lab, tmp_path: Path
-) -> None:
+def test_problems_of_a_file_included_twice_are_reported_once(lab: Lab, tmp_path: Path) -> None:
     (tmp_path / "patrol.yaml").write_text(PATROL.replace("to: null", "to: [0, 0, $who]"))
     assert faults(lab, TOUR + "  - include: {file: patrol.yaml}\n") == [
         "patrol.yaml:3:47: a default cannot refer to a parameter [misplaced-key]"

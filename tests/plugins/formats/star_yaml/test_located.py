@@ -197,7 +197,7 @@ def test_what_a_mission_may_not_hold_is_refused_with_its_place(
     assert problem.startswith(beginning)
 
 
-def test_everything_refused_is_listed_at_once_in_the_order_of_the_file(tmp_path: Path) -> None:
+def test_all_refused_yaml_is_listed_at_once_in_file_order(tmp_path: Path) -> None:
     found = refusals(tmp_path, "a: .nan\nb: &x [1_0]\na: *x\nc: [1_0, !t 2]")
     assert [problem.split(":")[1:3] for problem in found] == [
         ["1", "4"],

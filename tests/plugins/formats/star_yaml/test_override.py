@@ -60,7 +60,7 @@ def refused(document: Document, *assignments: str) -> list[str]:
         ("seed=~", ("seed",), None),
     ],
 )
-def test_a_value_that_is_set_is_there_and_its_place_is_the_assignment(
+def test_assigned_values_are_set_and_located_at_the_assignment(
     mission: Document, assignment: str, path: tuple[str | int, ...], value: object
 ) -> None:
     changed = override(mission, [assignment])

@@ -117,7 +117,7 @@ def test_the_schema_of_a_mission_offers_no_alternatives() -> None:
     assert "anyOf" not in json.dumps(SCHEMA)
 
 
-def test_what_a_plugin_refers_to_is_found_from_the_root_of_the_composed_schema() -> None:
+def test_plugin_refs_resolve_from_the_root_of_the_schema() -> None:
     rules = SCHEMA["properties"]["localizer"]["allOf"][0]["then"]
     assert rules["properties"]["noise"]["$ref"] == "#/$defs/localizer.flow/$defs/a~1b"
     assert SCHEMA["$defs"]["localizer.flow"]["$defs"]["a/b"]["type"] == "number"
@@ -134,7 +134,7 @@ def test_a_file_of_steps_is_held_to_the_steps_of_missions() -> None:
     }
 
 
-def test_what_a_verb_refers_to_is_among_the_definitions_of_a_file_of_steps() -> None:
+def test_verb_refs_are_definitions_in_the_schema_of_steps() -> None:
     push = offer("push", {"at": {"$ref": "#/$defs/b"}}, **{"$defs": {"b": {"type": "number"}}})
     for admit, expected in ((False, "number"), (True, ["number", "string"])):
         made = for_editors(compose_steps({"task": {"push": push}}), parameters=admit)
@@ -204,9 +204,7 @@ def test_a_good_world_has_no_fault() -> None:
         ),
     ],
 )
-def test_an_obstacle_is_one_polygon_thick_polyline_box_or_cylinder(
-    line: str, expected: str
-) -> None:
+def test_obstacles_are_one_polygon_polyline_box_or_cylinder(line: str, expected: str) -> None:
     both = f"{line}, height: [0, 1]" if line else "height: [0, 1]"
     text = f"{WORLD}obstacles:\n  a: {{{both}}}\n"
     (found,) = problems(document(text), load("world"))
@@ -217,7 +215,7 @@ def test_an_obstacle_is_one_polygon_thick_polyline_box_or_cylinder(
     ("pattern", "fits", "not_so"),
     [("^US\\$$", "US$", "US$\n"), ("^US\\$", "US$5", "US5"), ("^a$", "a", "a\n")],
 )
-def test_an_escaped_dollar_is_a_dollar_and_another_is_the_very_end(
+def test_escaped_dollars_are_literal_and_others_match_the_end(
     pattern: str, fits: str, not_so: str
 ) -> None:
     validator = schema.validator()({"pattern": pattern})

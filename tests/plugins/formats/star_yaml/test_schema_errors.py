@@ -117,12 +117,12 @@ def test_a_good_mission_has_no_fault() -> None:
     assert faults(MISSION) == []
 
 
-def test_a_plugins_name_alone_and_a_map_that_uses_it_are_the_same() -> None:
+def test_plugins_may_be_a_name_or_a_map_with_use() -> None:
     assert faults(with_line("avoider", "avoider: orca")) == []
     assert faults(with_line("avoider", "avoider: {use: orca}")) == []
 
 
-def test_a_verb_takes_its_own_options_and_those_that_every_verb_takes() -> None:
+def test_verbs_take_their_own_and_the_common_options() -> None:
     line = "  - goto: {to: [0, 0, 1], speed: 1, agents: [cf1], timeout: 3, on_failure: land}"
     assert faults(with_line("  - takeoff", line)) == []
 
@@ -132,7 +132,7 @@ def test_steps_may_stand_inside_steps() -> None:
     assert faults(with_line("  - takeoff", line)) == []
 
 
-def test_a_plugin_that_refers_to_its_own_definitions_is_checked_by_them() -> None:
+def test_plugin_options_are_checked_by_their_own_definitions() -> None:
     assert faults(with_line("localizer", "localizer: {use: flow, noise: 0.1}")) == []
     assert fault("localizer", "localizer: {use: flow, noise: -1}") == (
         "m.yaml:7:31: localizer 'flow': noise: -1 is less than the minimum of 0 [out-of-range]"
@@ -266,7 +266,7 @@ def test_a_mistake_in_a_step_is_one_line(step: str, expected: str) -> None:
     assert fault("  - takeoff", f"  - {step}").startswith(f"m.yaml:11:{expected}")
 
 
-def test_a_misspelt_key_and_the_key_that_is_missing_for_it_are_both_named() -> None:
+def test_misspelt_and_missing_keys_are_both_reported() -> None:
     assert faults(with_line("name", "nmae: swap")) == [
         "m.yaml:1:1: missing key 'name' [missing-option]",
         "m.yaml:2:1: unknown key 'nmae'; did you mean 'name'? [unknown-option]",
@@ -297,7 +297,7 @@ def test_all_mistakes_are_listed_in_the_order_of_the_file() -> None:
     assert places == ["m.yaml:2:7", "m.yaml:6:12", "m.yaml:9:30", "m.yaml:9:33"]
 
 
-def test_a_mistake_in_what_was_set_comes_last_and_names_the_assignment() -> None:
+def test_problems_of_set_assignments_come_last_and_name_them() -> None:
     changed = override(document(with_line("name", "name: '?'")), ["avoider.radius=-1"])
     _, last = problems(changed, SCHEMA)
     assert last.startswith(

@@ -111,7 +111,7 @@ def test_the_title_of_a_key_is_its_name_in_words() -> None:
     assert made["mission/planner/yaw_rate_deg"].schema["title"] == "Yaw rate"
 
 
-def test_every_quantity_has_its_unit_and_other_numbers_what_they_count() -> None:
+def test_numbers_in_the_schema_have_a_unit_or_state_their_count() -> None:
     numbers = [
         (path, found.schema["description"])
         for path, found in EVERY
@@ -129,7 +129,7 @@ def test_a_unit_is_found_where_there_is_one(key: str) -> None:
     assert UNIT.search(dict(EVERY)[f"mission/{key}"].schema["description"])
 
 
-def test_every_optional_key_has_a_default_or_describes_its_absence() -> None:
+def test_optional_keys_have_a_default_or_describe_their_absence() -> None:
     told = {"default", "const"}
     assert [
         path

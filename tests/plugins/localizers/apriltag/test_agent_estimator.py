@@ -138,7 +138,7 @@ def test_one_leg_over_ten_seconds_is_survived_too() -> None:
 
 
 @pytest.mark.parametrize("bias_on_the_ground", [0.0, 1.0])
-def test_a_stand_changes_nothing_whatever_bias_was_learnt_in_flight(
+def test_standing_changes_nothing_despite_a_learnt_gyro_bias(
     bias_on_the_ground: float,
 ) -> None:
     bias = math.radians(0.4)

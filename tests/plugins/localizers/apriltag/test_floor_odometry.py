@@ -138,7 +138,7 @@ def test_another_floor_than_before_gives_no_motion() -> None:
     assert shift(picture(key=1), picture(1.5 + 1j, key=2), track()) is None
 
 
-def test_something_that_stands_on_a_part_of_the_floor_does_not_matter() -> None:
+def test_objects_on_the_floor_do_not_disturb_the_shift() -> None:
     first, second = picture(key=1), picture(0.03 + 0j, key=2)
     first[:, 200:260] = second[:, 200:260] = picture(1j, key=3)[:, 200:260]
     assert shift(first, second, track(0.3 + 0j)) == pytest.approx(0.03, abs=0.002)

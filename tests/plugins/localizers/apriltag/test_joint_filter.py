@@ -160,7 +160,7 @@ def test_it_stays_on_the_truth_and_changes_no_calibration() -> None:
     assert abs(flight.filter.anchor.factor - 1) < 1e-3
 
 
-def test_without_tags_it_only_grows_less_sure_and_tags_make_it_sure_again() -> None:
+def test_uncertainty_grows_without_tags_and_shrinks_with_them() -> None:
     flight = Flight(Circle(20))
     flight.fly(5.0)
     spreads = [flight.spread]
@@ -226,7 +226,7 @@ def shifted(by: float) -> list[Tag]:
     ]
 
 
-def test_a_sheet_that_is_aside_is_found_there_and_moves_the_agent_less_than_noise_would() -> None:
+def test_survey_deviations_reduce_the_effect_of_moved_sheets() -> None:
     real = shifted(0.03)
     wide = CAREFUL._replace(survey=0.015, survey_turn=0.02)
     known, surveyed = (
@@ -243,7 +243,7 @@ def test_a_sheet_that_is_aside_is_found_there_and_moves_the_agent_less_than_nois
     assert worst[0] < 0.7 * worst[1]
 
 
-def test_an_error_that_lasts_makes_many_images_hardly_surer_than_a_few() -> None:
+def test_systematic_errors_limit_the_gain_of_many_images() -> None:
     spreads = []
     for survey in (0.02, 1e-4):
         deviations = CAREFUL._replace(survey=survey, survey_turn=survey)
@@ -332,7 +332,7 @@ def test_the_rates_of_roll_and_pitch_are_those_of_the_samples(rate: float) -> No
     assert track.at(99.0).tilt_rate == pytest.approx((rate, 0.0))
 
 
-def test_an_image_of_uncertain_time_determines_less_of_the_position_on_the_way() -> None:
+def test_unstamped_images_constrain_along_track_position_less() -> None:
     variances = []
     for stamped in (True, False):
         flight = Flight(Circle(5.0))
@@ -348,7 +348,7 @@ def test_an_image_of_uncertain_time_determines_less_of_the_position_on_the_way()
     assert late[1] < 1.5 * exact[1]
 
 
-def test_an_image_of_a_rolling_body_that_is_older_than_it_seems_does_little_harm() -> None:
+def test_late_images_of_a_rolling_body_do_little_harm() -> None:
     rate, late, errors = 1.0, 0.03, []
     for rolls in (True, False):
         flight = Flight(Circle(5.0))

@@ -66,7 +66,7 @@ def test_it_stays_on_the_truth_though_odometry_drifts() -> None:
     assert all(e.valid.all() for e in estimates)
 
 
-def test_without_tags_in_sight_it_goes_on_by_odometry_ever_less_sure() -> None:
+def test_odometry_continues_without_tags_with_growing_deviation() -> None:
     circle = Circle(10)
     estimates = flown(localizer(room([circle], TAGS)), [circle], 10.0)
     assert off(estimates, circle).max() < 1e-3
@@ -95,9 +95,7 @@ def test_with_one_tag_of_each_landmark_the_others_do_not_matter() -> None:
 
 
 @pytest.mark.parametrize(("state", "turned"), [(0, 0.0), (int(Supervisor.FLYING), 60.0)])
-def test_the_gyro_bias_of_the_flight_does_not_turn_an_agent_at_rest(
-    state: int, turned: float
-) -> None:
+def test_learnt_gyro_bias_does_not_turn_agents_at_rest(state: int, turned: float) -> None:
     circle = Circle(20, yaw_bias=math.radians(0.4))
     made = localizer(room([circle], TAGS))
     (*_, before) = flown(made, [circle], 20.0, TAGS)
@@ -201,7 +199,7 @@ def unstamped(heard: Telemetry) -> Telemetry:
     return replace(heard, detections=replace(found, taken=np.full(len(found.tag), np.nan)))
 
 
-def test_tags_without_a_time_stamp_were_taken_the_latency_before_they_came() -> None:
+def test_unstamped_tags_are_dated_back_by_the_latency() -> None:
     circle = Circle(8, scale=SCALE)
     stamped = flown(localizer(room([circle], TAGS)), [circle], 8.0, TAGS)
     made = localizer(room([circle], TAGS), latency=0.15, latency_std=0.0)
@@ -215,7 +213,7 @@ def test_a_latency_that_is_not_so_shifts_the_agent_along_its_way() -> None:
     assert off(flown(wrong, [circle], 8.0, TAGS, change=unstamped), circle)[-1] > 0.05
 
 
-def test_images_that_come_in_another_order_than_they_were_taken_in_do_no_harm() -> None:
+def test_images_out_of_order_do_no_harm() -> None:
     circle = Circle(10, scale=SCALE)
     made = localizer(room([circle], TAGS))
     estimates = []
@@ -265,7 +263,7 @@ def test_unknown_tags_change_nothing() -> None:
     assert same(wrong, flown(localizer(room([circle], TAGS)), [circle], 4.0))
 
 
-def test_an_agent_that_reports_no_position_keeps_its_odometry_frame() -> None:
+def test_agents_without_position_reports_keep_their_odom_frame() -> None:
     circle = Circle(6, scale=SCALE)
     made = localizer(room([circle], TAGS))
     estimates = []
@@ -281,7 +279,7 @@ def test_an_agent_that_reports_no_position_keeps_its_odometry_frame() -> None:
         assert not estimate.valid[0]
 
 
-def test_before_it_reports_anything_its_frame_lies_where_it_starts() -> None:
+def test_initial_odometry_frames_lie_at_the_start() -> None:
     circle = Circle(1)
     heard = telemetry([circle], 0.05)
     frames = (
@@ -302,7 +300,7 @@ def test_a_report_that_is_stale_is_not_flown_on() -> None:
     assert not made.locate(replace(heard, age=np.array([np.nan]))).valid[0]
 
 
-def test_it_is_no_longer_fit_to_fly_on_once_its_deviation_exceeds_the_worst() -> None:
+def test_estimates_are_invalid_beyond_the_maximum_deviation() -> None:
     circle = Circle(20)
     estimates = flown(localizer(room([circle], TAGS), max_position_std=0.08), [circle], 20.0)
     fit = np.array([e.valid[0] for e in estimates])
@@ -311,7 +309,7 @@ def test_it_is_no_longer_fit_to_fly_on_once_its_deviation_exceeds_the_worst() ->
     assert not fit[-1]
 
 
-def test_no_estimate_is_surer_than_the_mean_of_the_map_and_the_start() -> None:
+def test_covariance_is_bounded_below_by_map_and_start() -> None:
     circle = Circle(10)
     estimates = flown(localizer(room([circle], TAGS), survey_std=0.05), [circle], 10.0, TAGS)
     least = min(np.linalg.eigvalsh(e.covariance[0, :2, :2])[0] for e in estimates)
@@ -334,7 +332,7 @@ def found_again(seconds: float, aside: float, turned_by: float) -> tuple[float, 
 
 
 @pytest.mark.parametrize(("aside", "turned_by"), [(1.0, 25.0), (-1.0, -25.0), (0.0, 180.0)])
-def test_a_wrong_start_is_put_right_within_three_seconds_of_the_first_tag(
+def test_wrong_starts_are_corrected_within_three_seconds_of_tags(
     aside: float, turned_by: float
 ) -> None:
     first, estimates = found_again(8.0, aside, math.radians(turned_by))
@@ -368,7 +366,7 @@ def test_a_camera_that_saw_before_the_mission_began_is_excluded(taken: float) ->
     assert finite(localizer(room([circle], TAGS)).locate(replace(heard, detections=old)))
 
 
-def test_a_flight_that_hears_nothing_at_all_stands_where_it_starts() -> None:
+def test_flights_without_any_report_stay_at_the_start() -> None:
     circle = Circle(1)
     made = localizer(room([circle], TAGS))
     heard = telemetry([circle], 5.0)

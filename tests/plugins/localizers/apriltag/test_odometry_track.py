@@ -190,7 +190,7 @@ def test_it_goes_on_when_its_room_is_full() -> None:
     assert motion.shift == pytest.approx(0.01 * forward[-CAPACITY // 2 + 1 :, 0].sum())
 
 
-def test_more_samples_at_once_than_it_has_room_for_leave_the_newest() -> None:
+def test_samples_beyond_capacity_keep_the_newest() -> None:
     made, n = OdometryTrack(), 2 * CAPACITY + 5
     made.add(stream(0.01 * np.arange(n), np.ones((n, 3)), np.zeros(n)), np.arange(n))
     assert made.newest == pytest.approx(0.01 * (n - 1))
@@ -254,7 +254,7 @@ def test_a_corrected_way_is_the_one_that_was_measured(
     assert made.between(end, made.newest).shift == pytest.approx(after.shift, abs=0.004)
 
 
-def test_a_way_is_corrected_under_the_yaw_bias_that_it_was_measured_with() -> None:
+def test_corrections_apply_under_the_yaw_bias_they_assumed() -> None:
     made = even(1.0, (1.0, 0.0), 0.5)
     made.correct(0.2, 0.7, 0.4j, yaw_bias=0.1)
     assert made.between(0.2, 0.7, yaw_bias=0.1).shift == pytest.approx(0.4j)

@@ -54,7 +54,7 @@ def test_fewer_are_not() -> None:
     )
 
 
-def test_one_landmark_may_be_elsewhere_than_in_the_map_and_is_not_believed_alone() -> None:
+def test_a_single_landmark_does_not_relocate_an_agent() -> None:
     alone = [claim(0.1 * k, landmarks="a") for k in range(10)]
     assert not any(considered(*alone))
     assert considered(*alone, landmarks=1)[MIN_IMAGES - 1]

@@ -23,7 +23,7 @@ def silent(heard: Telemetry) -> Telemetry:
     return replace(heard, odometry=Odometry.none())
 
 
-def test_an_agent_that_streams_no_odometry_is_followed_by_what_it_reports() -> None:
+def test_agents_without_odometry_are_tracked_by_their_reports() -> None:
     circle = Circle(10)
     estimates = flown(localizer(room([circle], TAGS)), [circle], 10.0, change=silent)
     assert off(estimates, circle).max() < 0.03  # the first report gives no yaw rate
@@ -46,7 +46,7 @@ def test_a_stream_that_comes_every_few_ticks_is_what_counts() -> None:
     assert off(estimates, circle).max() < 0.03
 
 
-def test_an_agent_whose_motion_is_made_up_from_its_heading_is_not_corrected() -> None:
+def test_agents_without_odometry_are_not_sent_corrections() -> None:
     circle = Circle(10)
     streams = localizer(room([circle], TAGS), feedback="extpose")
     assert any(len(e.corrections.agent) for e in flown(streams, [circle], 5.0, TAGS))

@@ -45,7 +45,7 @@ def test_a_target_is_seen_where_it_is_within_three_deviations(seed: int | None) 
     assert found[:, 2].min() > 0.002
 
 
-def test_a_target_seen_by_an_agent_that_is_lost_is_as_unsure_as_it() -> None:
+def test_sightings_by_lost_agents_are_as_uncertain_as_the_agent() -> None:
     circle = Circle(3)
     blind = np.array(sightings(circle, localizer(room([circle], []))))
     sure = np.array(sightings(circle, localizer(room([circle], TAGS))))

@@ -122,7 +122,7 @@ def test_the_covariance_is_honest() -> None:
     assert 0.05 < np.mean([flight(seed).surprise for seed in SEEDS]) < 2.0
 
 
-def test_errors_of_a_real_setup_cost_little_and_are_in_the_covariance() -> None:
+def test_realistic_errors_cost_little_and_are_in_the_covariance() -> None:
     assert mse(profile="realistic") < 0.0075
     assert np.mean([flight(seed, profile="realistic").surprise for seed in SEEDS]) < 1.6
 
@@ -137,7 +137,7 @@ def flown(mission: Path, out: Path, *arguments: str) -> dict[str, Any]:
     return summary
 
 
-def test_a_rendered_flight_repeats_with_its_seed_and_differs_with_another(tmp_path: Path) -> None:
+def test_rendered_flights_are_reproducible_by_seed(tmp_path: Path) -> None:
     (tmp_path / "mat.yaml").write_text(WORLD)
     mission = tmp_path / "peek.yaml"
     mission.write_text(MISSION)

@@ -101,7 +101,7 @@ def test_a_tick_does_not_wait_for_a_process_in_real_time() -> None:
     assert off([estimate], circle)[0] < 0.05
 
 
-def test_agents_of_a_process_that_ends_are_not_located_and_the_others_are(
+def test_only_agents_of_a_dead_process_are_unlocated(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     with localizer(room(CIRCLES, TAGS), 2) as made:
@@ -182,7 +182,7 @@ def test_a_late_process_gets_no_old_images_but_all_odometry() -> None:
         (64, None, True, 2),
     ],
 )
-def test_there_is_a_process_for_each_camera_and_a_core_for_the_tick(
+def test_default_processes_are_limited_by_cameras_and_cores(
     monkeypatch: pytest.MonkeyPatch,
     *,
     cores: int,

@@ -73,7 +73,7 @@ def test_the_on_board_tilt_and_height_make_a_far_tag_surer() -> None:
     assert held.covariance[1, 1] < 0.5 * alone.covariance[1, 1]  # the variance of pitch
 
 
-def test_a_tag_that_is_read_row_by_row_from_a_moving_body_is_understood() -> None:
+def test_rolling_shutter_of_a_moving_body_is_modelled() -> None:
     body = hovering()
     motion = Motion(np.array([0.5, 0.1, 0.0]), np.array([0.0, 0.0, 0.8]))
     delay = np.array([0.012, 0.01, 0.005, 0.007])

@@ -10,7 +10,7 @@ from tests.plugins.localizers.vision.conftest import Paint, hovering, on_floor, 
 SHAPE = (244, 324)
 
 
-def test_the_corners_of_tags_up_to_one_and_a_half_metres_away_are_right_to_a_sixth_of_a_pixel(
+def test_tag_corners_up_to_1_5_m_are_within_a_sixth_of_a_pixel(
     lens: CameraModel, paint: Paint
 ) -> None:
     detector = Detector(lens)
@@ -89,9 +89,7 @@ def test_sides_without_contrast_have_no_corners(lens: CameraModel) -> None:
     assert np.isnan(misfit).all()
 
 
-def test_corners_that_are_off_by_a_pixel_are_mended_beside_a_square_that_is_none(
-    lens: CameraModel, paint: Paint
-) -> None:
+def test_corner_refinement_recovers_from_a_pixel_of_error(lens: CameraModel, paint: Paint) -> None:
     tag = on_floor(11, 0.65, 0.05)
     expected = seen(lens, hovering(), tag)
     assert expected is not None

@@ -43,7 +43,7 @@ def test_a_tag_is_expected_where_it_is(lens: CameraModel) -> None:
     assert expected.distance == pytest.approx(math.dist(eye, TAG.position))
 
 
-def test_it_is_expected_where_its_row_shows_it_from_a_moving_body(lens: CameraModel) -> None:
+def test_rolling_shutter_motion_shifts_expected_tags(lens: CameraModel) -> None:
     motion = Motion(np.array([0.5, 0.2, 0.0]), np.array([0.0, 0.0, 0.9]))
     moving = replace(predicted(BODY), motion=motion)
     far = on_floor(1, 2.1, 0.5)
@@ -54,7 +54,7 @@ def test_it_is_expected_where_its_row_shows_it_from_a_moving_body(lens: CameraMo
     assert np.abs(expected.pixel - centre(lens, BODY, far)).max() > 0.5
 
 
-def test_a_camera_that_is_turned_in_its_mounting_sees_it_elsewhere(lens: CameraModel) -> None:
+def test_camera_mounting_rotation_shifts_expected_tags(lens: CameraModel) -> None:
     extra = rotation_from_vector(np.radians([1.0, -2.0, 0.5]))
     (expected,) = expect(lens, [TAG], replace(predicted(BODY), camera_turn=extra))
     camera = BODY @ Pose(lens.mounting.rotation @ extra.T, lens.mounting.position)
@@ -81,7 +81,7 @@ def test_a_larger_tag_is_expected_from_further_away(lens: CameraModel) -> None:
     assert not expect(lens, [on_floor(1, 3.2, 0.6)])
 
 
-def test_a_tag_beyond_the_lens_is_not_expected_where_its_model_folds_back(
+def test_tags_where_the_lens_model_folds_back_are_not_expected(
     lens: CameraModel,
 ) -> None:
     ahead = np.array([2.5, 0.0, 1.0]) * 0.3

@@ -17,7 +17,7 @@ def test_what_is_expected_is_no_surprise() -> None:
     assert surprise(hovering(), 1.0, hovering(), SURE) == 0
 
 
-def test_a_fix_of_a_tag_a_metre_away_is_good_for_five_centimetres() -> None:
+def test_tag_fixes_at_one_metre_have_five_centimetres_deviation() -> None:
     assert surprise(hovering(x=0.05), 1.0, hovering(), SURE) == pytest.approx(1)
     assert surprise(hovering(y=0.10), 1.0, hovering(), SURE) == pytest.approx(4)
 

@@ -149,7 +149,7 @@ def test_an_agent_that_knows_nothing_of_its_doubt_is_not_guided(far: Image) -> N
     assert guided(far, FAR, unknown) is None
 
 
-def test_a_tag_that_lies_further_off_than_the_belief_allows_is_not_found(far: Image) -> None:
+def test_tags_farther_off_than_the_belief_allows_do_not_match(far: Image) -> None:
     assert guided(far, replace(FAR, position=(1.9, 0.75, 0.0))) is None
     assert guided(far, replace(FAR, position=(1.9, 0.25, 0.0))) is not None
 

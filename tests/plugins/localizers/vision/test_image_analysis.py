@@ -79,7 +79,7 @@ def test_a_wrong_number_among_right_ones_does_not_move_the_fix(lens: CameraModel
     np.testing.assert_allclose(look.fix.pose.position, hovering().position, atol=1e-4)
 
 
-def test_of_tags_that_do_not_fit_together_the_more_surprising_one_is_turned_away(
+def test_the_more_surprising_of_inconsistent_tags_is_rejected(
     lens: CameraModel,
 ) -> None:
     known = [*LANDMARKS, on_floor(3, 0.7, -0.315, yaw=0.3)]  # as near to 1 as 2 is
@@ -90,7 +90,7 @@ def test_of_tags_that_do_not_fit_together_the_more_surprising_one_is_turned_away
     np.testing.assert_allclose(look.fix.pose.position, hovering().position, atol=1e-4)
 
 
-def test_tags_of_a_map_that_is_two_centimetres_off_are_all_believed(lens: CameraModel) -> None:
+def test_tags_with_two_centimetres_of_map_error_are_accepted(lens: CameraModel) -> None:
     known = [on_floor(1, 0.72, -0.105, yaw=0.3), on_floor(2, 0.7, 0.125, yaw=0.33)]
     look = eye(known).evaluate(*table(lens, hovering(), LANDMARKS), predicted(hovering()))
     assert verdicts(look) == [Verdict.ACCEPTED] * 2
@@ -113,7 +113,7 @@ def test_inconsistent_tags_far_from_the_prediction_give_no_pose(lens: CameraMode
     assert look.other is None
 
 
-def test_a_pose_that_the_on_board_tilt_contradicts_is_turned_away(lens: CameraModel) -> None:
+def test_poses_contradicting_the_on_board_tilt_are_rejected(lens: CameraModel) -> None:
     body = hovering()
     wrong = replace(predicted(body), pose=hovering(roll=math.radians(40)))
     look = eye(LANDMARKS).evaluate(*table(lens, body, LANDMARKS), wrong)
@@ -247,7 +247,7 @@ def test_without_an_image_there_is_no_guided_matching(lens: CameraModel) -> None
     assert len(look.views) == 2
 
 
-def test_a_prediction_that_all_tags_contradict_guides_no_matching(paint: Paint) -> None:
+def test_predictions_contradicted_by_all_tags_guide_no_matching(paint: Paint) -> None:
     body, moved = hovering(), on_floor(1, 1.4, -0.9)
     image = paint(body, [LANDMARKS[0], *FAR])
     assert len(eye(FAR).analyze(image, sure(body)).matches) == 2

@@ -150,7 +150,7 @@ def test_squares_that_look_like_tags_are_none(seed: int) -> None:
 
 
 @pytest.mark.skipif(PHOTOS is None, reason="STAR_TAG_PHOTOS names no folder of photographs")
-def test_photographs_show_what_the_april_tag_library_finds_in_them() -> None:
+def test_photographs_agree_with_the_apriltag_library() -> None:
     """Each ``NAME.jpg`` has a ``NAME.txt``: a number and four corners per line, by that library.
 
     Its pixels begin at (0.5, 0.5), OpenCV's at (0, 0).

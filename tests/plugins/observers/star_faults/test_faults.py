@@ -115,9 +115,7 @@ def test_faults_provoke_each_safety_rule(
 
 
 @pytest.mark.parametrize("at", [1.0, 2.8], ids=["in the take-off", "in the hold"])
-def test_an_agent_that_misses_the_command_to_land_lands_when_its_link_is_back(
-    at: float, tmp_path: Path
-) -> None:
+def test_agents_that_missed_the_landing_land_when_heard_again(at: float, tmp_path: Path) -> None:
     """In flight its firmware stops the motors 2 s after the last setpoint."""
     off = {"component": "link", "mode": "off", "agents": "cf2", "at": at, "for": 1.0}
     flight = flown(tmp_path, off)
@@ -170,7 +168,7 @@ def test_others_fly_low_over_an_agent_that_stays_on_the_ground(
     assert flight.summary["reason"] == ""
 
 
-def test_an_agent_with_random_reports_stays_where_it_was_last_located(tmp_path: Path) -> None:
+def test_random_reports_keep_the_last_located_position(tmp_path: Path) -> None:
     garbage = {"component": "telemetry", "mode": "garbage", "agents": "cf2", "at": 3.5}
     flight = flown(tmp_path, garbage)
     places = np.array([tick.estimate.position[1, :2] for tick in flight.ticks])
@@ -215,7 +213,7 @@ def test_a_short_silence_triggers_no_rule_and_is_reported_twice(tmp_path: Path) 
     assert max(tick.telemetry.age[0] for tick in flight.ticks) == pytest.approx(0.25)
 
 
-def test_a_flight_with_faults_repeats_and_one_with_those_of_others_differs(tmp_path: Path) -> None:
+def test_faulty_flights_are_reproducible(tmp_path: Path) -> None:
     fault = {"component": "link", "mode": "intermittent", "loss": 0.5}
     first, second = flown(tmp_path, fault), flown(tmp_path, fault)
     for one, other in zip(first.ticks, second.ticks, strict=True):
@@ -282,7 +280,7 @@ def test_a_faulty_plugin_ends_with_all_agents_on_the_ground(
     assert (f"{kind} '" in flight.summary["reason"]) >= (mode in BROKEN)
 
 
-def test_sensors_fail_in_simulation_only_where_they_are_simulated(tmp_path: Path) -> None:
+def test_sensor_faults_need_simulated_sensors(tmp_path: Path) -> None:
     at = {"at": 3}
     flight = flown(
         tmp_path,
@@ -323,7 +321,7 @@ SEEING = {
 }
 
 
-def test_cameras_fail_and_landmarks_are_not_where_the_map_has_them(tmp_path: Path) -> None:
+def test_camera_faults_and_displaced_landmarks_are_simulated(tmp_path: Path) -> None:
     camera = {"component": "camera", "at": 3}
     flight = flown(
         tmp_path,

@@ -46,7 +46,7 @@ def test_rows_of_a_slow_link_pass_at_its_rate() -> None:
     assert fresh[:, [0, 2]].all()
 
 
-def test_delayed_reports_are_those_of_ticks_at_least_the_delay_ago() -> None:
+def test_delayed_reports_are_at_least_the_delay_old() -> None:
     reports = ReportFaults(fault("telemetry", "delayed", delay=0.24), random(), SCENE)
     for time in TIMES:
         position, row = np.full((N, 3), time), np.zeros(N)

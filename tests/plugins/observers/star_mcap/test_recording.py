@@ -96,7 +96,7 @@ def test_every_message_is_readable_as_ros_2(run: Path) -> None:
     assert count["/rosout"] == len(json.loads((run / "summary.json").read_text())["events"])
 
 
-def test_an_estimate_has_the_covariance_and_the_velocity_of_the_body(run: Path) -> None:
+def test_recorded_estimates_have_covariance_and_body_velocity(run: Path) -> None:
     kept = np.load(run / "trajectory.npz")
     with AnyReader([run / FILE]) as bag:
         wanted = [one for one in bag.connections if one.topic == "/cf1/estimate"]
@@ -130,7 +130,7 @@ def test_planned_paths_lead_from_the_agent_to_its_goal(run: Path) -> None:
     assert line == [tuple(kept.arrays["estimate_position"][tick, 0]), tuple(ends[0][0])]
 
 
-def test_tags_that_the_localizer_detected_are_recorded_with_the_stamps_of_their_images(
+def test_recorded_tags_have_the_timestamps_of_their_images(
     tmp_path: Path,
 ) -> None:
     (tmp_path / "room.yaml").write_text(
@@ -272,7 +272,7 @@ def test_a_chunk_that_claims_to_be_huge_is_not_unpacked(
     assert after.lost > 0
 
 
-def test_a_record_that_claims_to_be_huge_keeps_the_messages_before_it(
+def test_corrupt_chunk_lengths_keep_the_messages_before_them(
     run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(writer, "CHUNK", 64 * 1024)

@@ -61,7 +61,7 @@ def crawls(x: float, goal: float) -> tuple[Track, Track]:
     return lambda time: x + 0.02 * time, lambda _time: goal
 
 
-def test_an_agent_that_stands_far_from_its_goal_is_in_one_deadlock_however_long() -> None:
+def test_a_stop_far_from_the_goal_is_one_deadlock_of_any_length() -> None:
     assert deadlocks(lambda _time: 1.0, 4.9) == 0
     assert deadlocks(lambda _time: 1.0, 60.0) == 1
 
@@ -70,7 +70,7 @@ def test_an_agent_that_dances_on_the_spot_is_in_a_deadlock() -> None:
     assert deadlocks(lambda time: 1.0 + 0.5 * np.sin(4 * time), 20.0) == 1
 
 
-def test_an_agent_that_made_room_and_comes_back_waits_until_it_stands_still_on_its_way() -> None:
+def test_agents_returning_after_making_room_wait_until_they_stop() -> None:
     def aside(stop: float) -> Track:
         """From 4 m back to 1 m, and forth again until `stop`."""
         return lambda time: max(4.0 - time, 0.5 * min(time, stop) - 0.5)
@@ -84,7 +84,7 @@ def test_an_agent_that_gets_on_slowly_is_in_none() -> None:
     assert deadlocks(lambda time: 0.02 * time, 60.0) == 0
 
 
-def test_an_agent_that_gets_on_again_and_is_stuck_again_is_in_two() -> None:
+def test_getting_stuck_again_counts_as_a_second_deadlock() -> None:
     def steps(time: float) -> float:
         return 1.0 if time < 10 else min(2.0, time - 9.0)
 
@@ -116,12 +116,12 @@ def test_an_agent_that_stands_behind_one_that_gets_on_waits() -> None:
     assert (found.waits, found.count) == (1, 0)
 
 
-def test_an_agent_that_stands_behind_one_that_stands_behind_one_that_gets_on_waits() -> None:
+def test_agents_queued_behind_a_moving_agent_wait() -> None:
     found = flown([stands(-0.8, 5.0), stands(0.0, 5.0), crawls(0.5, 5.0)], 20.0)
     assert (found.waits, found.count) == (2, 0)
 
 
-def test_two_that_stand_face_to_face_are_in_a_deadlock_with_all_behind_them() -> None:
+def test_face_to_face_agents_and_their_queue_are_deadlocked() -> None:
     found = flown([stands(-0.5, 5.0), stands(0.0, 5.0), stands(0.5, -5.0)], 20.0)
     assert (found.waits, found.count) == (3, 3)
 
@@ -131,12 +131,12 @@ def test_that_one_behind_or_far_ahead_gets_on_helps_no_agent() -> None:
     assert flown([stands(0.0, 5.0), crawls(1.6, 5.0)], 20.0).count == 1
 
 
-def test_an_agent_that_stands_behind_one_that_has_arrived_is_in_a_deadlock() -> None:
+def test_agents_behind_an_arrived_agent_are_deadlocked() -> None:
     found = flown([stands(0.0, 5.0), stands(0.5, 0.5)], 20.0)
     assert (found.waits, found.count) == (1, 1)
 
 
-def test_a_wait_becomes_a_deadlock_when_the_last_that_got_on_stops() -> None:
+def test_waits_become_deadlocks_when_the_last_mover_stops() -> None:
     stops: tuple[Track, Track] = (lambda time: 0.5 + 0.02 * min(time, 10.0), lambda _time: 5.0)
     before, after = (flown([stands(0.0, 5.0), stops], seconds) for seconds in (12.0, 20.0))
     assert (before.waits, before.count) == (1, 0)
@@ -144,7 +144,7 @@ def test_a_wait_becomes_a_deadlock_when_the_last_that_got_on_stops() -> None:
 
 
 @given(st.integers(0, 2**32 - 1))
-def test_an_agent_that_gets_on_counts_as_such_and_more_that_do_free_no_fewer(seed: int) -> None:
+def test_more_moving_agents_never_reduce_the_waiting_agents(seed: int) -> None:
     random = np.random.default_rng(seed)
     position, wanted = random.uniform(-1, 1, (2, 12, 3))
     few = random.random(12) < 0.2

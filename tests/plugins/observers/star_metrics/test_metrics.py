@@ -52,7 +52,7 @@ def test_the_error_is_in_space() -> None:
     assert summary["position_worst_m"] == pytest.approx(0.7)
 
 
-def test_the_position_error_is_that_of_the_estimate_from_the_truth() -> None:
+def test_position_error_is_estimate_minus_truth() -> None:
     truth = [[[0, 0, 1], [0, 1, 1]]] * 2
     seen = [[[0, 0, 1], [0.3, 1.4, 1]], [[0, 0, 1], [0, 1, 1]]]
     summary = measured(truth, seen=seen)
@@ -65,7 +65,7 @@ def test_the_position_error_is_that_of_the_estimate_from_the_truth() -> None:
     assert summary["position_worst_m"] == pytest.approx(0.5)
 
 
-def test_the_position_error_of_an_agent_that_is_lost_in_the_air_counts_where_it_is_known() -> None:
+def test_position_error_counts_located_ticks_of_lost_agents() -> None:
     truth = [[[0.0, 0.0, 1.0]]] * 5
     unknown = [[np.nan, 0.0, 1.0]]
     seen = [[[7.0, 0.0, 1.0]], [[0.5, 0.0, 1.0]], [[1.5, 0.0, 1.0]], unknown, [[9.0, 0.0, 1.0]]]
@@ -75,7 +75,7 @@ def test_the_position_error_of_an_agent_that_is_lost_in_the_air_counts_where_it_
     assert summary["position_worst_m"] == pytest.approx(1.5)
 
 
-def test_the_position_error_counts_from_the_end_of_take_off_to_the_start_of_landing() -> None:
+def test_position_error_excludes_takeoff_and_landing() -> None:
     truth = [[[0.0, 0.0, 1.0]]] * 4
     seen = [[[9.0, 0.0, 1.0]], [[0.5, 0.0, 1.0]], [[0.5, 0.0, 1.0]], [[9.0, 0.0, 1.0]]]
     phases = [AgentPhase.TAKING_OFF, FLYING, FLYING, LANDING]
@@ -91,7 +91,7 @@ def test_an_agent_that_never_flew_has_no_position_error() -> None:
 
 
 @pytest.mark.parametrize("phase", [FLYING, LANDING])
-def test_there_is_no_position_error_without_truth_or_without_flight(phase: AgentPhase) -> None:
+def test_position_error_is_none_without_truth_or_flight(phase: AgentPhase) -> None:
     summary = measured(apart(1.0), phases=[phase], known=phase is LANDING)
     assert (summary["position_mse_m2"], summary["position_rmse_m"]) == (None, None)
 
@@ -110,9 +110,7 @@ def test_the_path_leaves_out_where_an_agent_was_nowhere() -> None:
 
 
 @pytest.mark.parametrize(("other", "total"), [(0.0, 1.0), (np.nan, None)])
-def test_the_path_of_an_agent_whose_position_was_never_known_is_unknown(
-    other: float, total: float | None
-) -> None:
+def test_path_length_is_unknown_if_never_located(other: float, total: float | None) -> None:
     track = [[[np.nan] * 3, [other, x, 0]] for x in (0.0, 0.5, 1.0)]
     assert measured(track)["path_length_m"] == {
         "total": total,

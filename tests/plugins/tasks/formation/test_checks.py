@@ -68,7 +68,7 @@ def test_a_grid_of_two_positions_is_too_small_for_three_agents() -> None:
     assert message == "1 x 2 positions are 2, expected 3: one for each agent"
 
 
-def test_a_position_outside_the_fence_is_reported_with_its_number() -> None:
+def test_positions_outside_the_fence_are_reported_with_number() -> None:
     ((path, message),) = problems_of(shape="line", centre=[9.5, 0.0, 0.8], spacing=1.0)
     assert path == ("centre",)
     assert message.startswith("position 3 of 3: [10.5, 0, 0.8] is outside the fence")
@@ -113,7 +113,7 @@ def test_a_circle_that_is_too_small_is_reported_at_its_radius() -> None:
     assert path == ("radius",)
 
 
-def test_points_closer_than_the_separation_are_reported_at_the_later_one() -> None:
+def test_points_too_close_are_reported_at_the_later_point() -> None:
     ((path, message),) = problems_of(shape="points", points=[[0, 0, 1], [1, 0, 1], [0, 0.1, 1]])
     assert path == ("points", 2)
     assert message.startswith("positions are 0.10 m from point 1")

@@ -224,7 +224,7 @@ def test_waiting_for_a_client_is_logged_once(
     flying(task, client, SOMEWHERE)
 
 
-def test_rejected_lines_are_reported_once_of_each_kind_and_counted(
+def test_rejected_lines_are_reported_once_per_kind_and_counted(
     external: Make, connect: Connect
 ) -> None:
     client, task = connect(), begun(external(lockstep=False))
@@ -325,9 +325,7 @@ def test_in_lock_step_only_states_are_answered(external: Make, connect: Connect)
     assert given == [0.0, 0.0, 1.0, 1.0]
 
 
-def test_in_lock_step_an_answer_that_is_late_is_not_waited_for_twice(
-    external: Make, connect: Connect
-) -> None:
+def test_lockstep_does_not_wait_twice_for_a_late_answer(external: Make, connect: Connect) -> None:
     client, task = connect(), begun(external(response_timeout=0.05, max_silence=1.0))
     assert step(task) == TaskOutput()
     for tick in range(1, 20):
@@ -411,7 +409,7 @@ def test_two_steps_at_once_cannot_have_one_port(external: Make, connect: Connect
 
 
 @pytest.mark.parametrize("rate", [None, 10])
-def test_a_step_of_the_next_tick_begins_at_once_after_one_that_ended_itself(
+def test_external_steps_follow_one_that_ended_itself_at_once(
     external: Make, connect: Connect, rate: float | None
 ) -> None:
     client, task = connect(), begun(external(lockstep=False, rate=rate))

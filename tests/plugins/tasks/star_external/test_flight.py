@@ -101,7 +101,7 @@ def flown(folder: Path, seed: int) -> dict[str, Any]:
     return summary
 
 
-def test_in_lock_step_a_flight_is_the_same_however_slow_the_other_process_is(
+def test_lockstep_flights_do_not_depend_on_process_speed(
     tmp_path: Path,
 ) -> None:
     steps = flown(tmp_path / "a", 1)["steps"]

@@ -139,7 +139,7 @@ def test_a_removed_agent_is_not_in_the_rows_and_has_no_goal(made: Any) -> None:
     assert planner.asked[-1][1] == (1,)
 
 
-def test_an_agent_that_takes_a_part_is_in_the_rows_and_takes_its_goal(made: Any) -> None:
+def test_replacement_agents_take_over_row_and_goal(made: Any) -> None:
     planner = Scripted({"cf1": THERE}, {})
     task = made(planner)
     step(task)
@@ -150,7 +150,7 @@ def test_an_agent_that_takes_a_part_is_in_the_rows_and_takes_its_goal(made: Any)
     assert given.position[2].tolist() == [0.5, 0.5, 1.0]
 
 
-def test_an_agent_that_joins_is_in_the_rows_and_can_be_given_goals(made: Any) -> None:
+def test_joining_agents_have_rows_and_can_get_goals(made: Any) -> None:
     planner = Scripted({}, {"cf3": THERE})
     task = made(planner)
     step(task)
@@ -192,7 +192,7 @@ def test_a_plugin_may_end_the_program(made: Any) -> None:
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(position=st.tuples(st.floats(), st.floats(), st.floats()), yaw=st.none() | st.floats())
-def test_agents_are_sent_inside_the_fence_whatever_a_planner_returns(
+def test_planner_goals_outside_the_fence_are_refused(
     made: Any, position: tuple[float, float, float], yaw: float | None
 ) -> None:
     room: Scene = scene(3)

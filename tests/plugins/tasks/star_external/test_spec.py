@@ -100,7 +100,7 @@ def test_installed_planners_are_offered() -> None:
     assert made.options["properties"]["planner"]["enum"] == ["orbit", "spiral"]
 
 
-def test_without_planners_the_schema_is_valid_and_the_check_refuses_any() -> None:
+def test_schema_without_planners_is_valid_and_refuses_any() -> None:
     Draft202012Validator.check_schema(offered().options)
     assert problems_of(planner="orbit") == [(("planner",), "no external planner named 'orbit'")]
 

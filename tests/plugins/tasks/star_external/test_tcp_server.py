@@ -79,7 +79,7 @@ def test_empty_lines_are_ignored(server: TcpServer, connect: Connect) -> None:
 
 
 @pytest.mark.parametrize("length", [MAX_LINE + 1, 3 * MAX_LINE, 40 * MAX_LINE])
-def test_a_line_that_is_too_long_is_reported_once_and_the_next_is_received(
+def test_overlong_lines_are_reported_once_and_skipped(
     server: TcpServer, connect: Connect, length: int
 ) -> None:
     client = connect()
@@ -154,9 +154,7 @@ def test_lines_are_sent_to_the_client(server: TcpServer, connect: Connect) -> No
     assert client.receive() == [1]
 
 
-def test_what_a_client_does_not_read_is_bounded_and_never_waited_for(
-    server: TcpServer, connect: Connect
-) -> None:
+def test_unread_output_is_bounded_and_never_awaited(server: TcpServer, connect: Connect) -> None:
     connect()
     server.accept(SOON)
     line = 8191 * b"x" + b"\n"

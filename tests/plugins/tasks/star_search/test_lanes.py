@@ -96,9 +96,7 @@ def test_directions_are_those_of_the_sides_the_longest_first() -> None:
 
 
 @given(st.integers(1, 6), spacings)
-def test_shares_add_up_to_the_lanes_and_none_is_longer_than_its_part(
-    shares: int, spacing: float
-) -> None:
+def test_shares_add_up_to_the_lanes_and_are_balanced(shares: int, spacing: float) -> None:
     lanes = tour(parallel_lanes(ROOM, ROOM.difference(HOLE), spacing, 0.0), ORIGIN)
     pieces = divide(lanes, shares)
     assert len(pieces) == shares
@@ -111,7 +109,7 @@ def test_nothing_is_cut_into_empty_shares() -> None:
     assert divide([], 3) == [[], [], []]
 
 
-def test_each_agent_gets_the_piece_that_is_near_and_begins_at_its_near_end() -> None:
+def test_agents_get_the_nearest_piece_from_its_near_end() -> None:
     west = [Lane(np.array([0.0, 0.0]), np.array([1.0, 0.0]))]
     east = [Lane(np.array([5.0, 0.0]), np.array([6.0, 0.0]))]
     given = assign_sections([west, east], np.array([[6.0, 1.0], [0.0, 1.0]]))

@@ -57,7 +57,7 @@ def test_with_none_wanted_the_area_is_covered_whatever_is_found(hall: Any, searc
     assert flown.space.coverage.fraction >= 0.99
 
 
-def test_a_search_is_over_when_every_scout_has_landed_at_a_target(hall: Any, search: Any) -> None:
+def test_search_succeeds_when_every_scout_landed_at_a_target(hall: Any, search: Any) -> None:
     flown = search(hall(1, targets={"red": RED}), on_found="land")
     assert flown.status is Status.SUCCESS
     assert flown.phase.tolist() == [AgentPhase.LANDED]
@@ -99,7 +99,7 @@ def test_the_others_search_on_when_one_has_landed(hall: Any, search: Any) -> Non
     assert (flown.phase == AgentPhase.LANDED).sum() == 1
 
 
-def test_it_fails_when_all_have_landed_before_the_area_is_covered(hall: Any, search: Any) -> None:
+def test_search_fails_if_all_landed_before_full_coverage(hall: Any, search: Any) -> None:
     flown = search(hall(1, targets=TWO), on_found="land")
     assert flown.status is Status.FAILURE
     assert flown.reason.startswith("no agent remains to search; ")
@@ -121,9 +121,7 @@ def test_the_finder_hovers_at_its_target_to_the_end(hall: Any, search: Any) -> N
     assert flown.position[-1][flown.finder[0], :2] == pytest.approx(RED, abs=0.2)
 
 
-def test_an_agent_that_marks_a_target_stays_over_it_and_then_searches_on(
-    hall: Any, search: Any
-) -> None:
+def test_marking_agents_hover_over_the_target_then_search_on(hall: Any, search: Any) -> None:
     flown = search(hall(1, targets=TWO), on_found="mark", mark_duration=4.0)
     assert flown.status is Status.SUCCESS
     for target in TWO.values():

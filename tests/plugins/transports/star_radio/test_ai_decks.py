@@ -91,7 +91,7 @@ def watched(
     return True
 
 
-def test_a_deck_that_is_not_there_delays_no_agent_and_is_reported(
+def test_missing_decks_are_reported_and_delay_no_agent(
     peers: Peers, connect: Open, caplog: pytest.LogCaptureFixture, free: int
 ) -> None:
     radio = connect(peers(), cameras={"cf1": f"127.0.0.1:{free}"})
@@ -123,7 +123,7 @@ def test_an_agent_that_is_refused_is_not_held_up_by_its_camera(
     assert [record for record in caplog.records if record.name == SAID] == []
 
 
-def test_a_deck_that_is_lost_is_reported_once_and_so_is_its_return(
+def test_lost_decks_and_their_return_are_reported_once(
     open_decks: Callable[[int], AiDecks], caplog: pytest.LogCaptureFixture
 ) -> None:
     caplog.set_level("INFO", SAID)
@@ -144,7 +144,7 @@ def test_a_deck_that_is_lost_is_reported_once_and_so_is_its_return(
     assert [record.levelname for record in caplog.records] == ["WARNING", "INFO"]
 
 
-def test_a_deck_that_takes_calls_and_sends_nothing_is_reported_once(
+def test_silent_decks_are_reported_once(
     open_decks: Callable[[int], AiDecks], caplog: pytest.LogCaptureFixture
 ) -> None:
     with closing(socket.create_server(("127.0.0.1", 0))) as listener:

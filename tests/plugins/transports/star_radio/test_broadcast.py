@@ -197,7 +197,7 @@ def test_four_positions_go_into_one_packet(dongles: list[Dongle]) -> None:
     assert second[1:] == b"".join(each[4:])
 
 
-def test_an_agent_that_is_too_far_for_millimetres_is_reported_over_its_link(
+def test_agents_beyond_millimetre_range_are_not_broadcast(
     dongles: list[Dongle],
 ) -> None:
     broadcasts = BroadcastCommands(reached(AIR), 1)
@@ -206,7 +206,7 @@ def test_an_agent_that_is_too_far_for_millimetres_is_reported_over_its_link(
     assert dongles[1].sent == []
 
 
-def test_a_dongle_that_is_late_sends_the_newest_pose_of_each_drone(dongles: list[Dongle]) -> None:
+def test_late_dongles_send_the_newest_pose_of_each_drone(dongles: list[Dongle]) -> None:
     radio = Broadcaster(1, AIRED)
     dongles[1].go.clear()
     radio.order(orders.stop())

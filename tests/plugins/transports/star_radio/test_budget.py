@@ -37,7 +37,7 @@ def test_udp_is_not_counted() -> None:
     assert list(overloads(uris, "legacy", 0.05, 0.01)) == []
 
 
-def test_reports_that_are_too_many_are_refused_with_the_arithmetic() -> None:
+def test_excessive_report_rates_are_refused_with_the_budget() -> None:
     assert list(overloads(on_dongle(3), "legacy", 0.05, 0.01)) == [
         "dongle '0' is to serve 3 agents with 100 exchanges/s each (20 setpoints/s up, "
         "100 reports/s down): 300/s, where 150/s may be planned, 50% of the 300/s of mode "

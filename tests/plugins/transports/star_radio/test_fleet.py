@@ -173,9 +173,7 @@ def test_an_absent_agent_is_taken_out_by_the_rule_for_lost_links(
     assert summary["outcome"] == ("completed" if rule else "failed"), summary["reason"]
 
 
-def test_a_drone_flies_again_after_a_link_that_was_closed_as_soon_as_it_had_landed(
-    air: Air, tmp_path: Path
-) -> None:
+def test_drones_fly_again_after_the_link_closed_at_touchdown(air: Air, tmp_path: Path) -> None:
     first = Flight(air.uris, scene(1), tmp_path)
     first.order(Order.TAKEOFF, 0.5)
     assert first.until(high)
@@ -194,7 +192,7 @@ def test_a_drone_flies_again_after_a_link_that_was_closed_as_soon_as_it_had_land
 
 
 @pytest.mark.parametrize("steered", [True, False])
-def test_a_drone_that_flies_at_the_end_is_commanded_to_land_and_not_locked(
+def test_drones_flying_at_the_end_land_and_are_not_locked(
     air: Air,
     tmp_path: Path,
     steered: bool,  # noqa: FBT001

@@ -104,9 +104,7 @@ def test_firmware_without_the_compressed_state_reports_the_same(
     assert np.allclose(telemetry.odometry.yaw_rate, math.pi / 2)
 
 
-def test_firmware_that_does_not_report_how_strong_its_link_is_reports_the_rest(
-    peers: Peers, connect: Open
-) -> None:
+def test_firmware_without_rssi_reports_everything_else(peers: Peers, connect: Open) -> None:
     telemetry = connect(peers(lacks=("radio.rssi",))).receive()
     assert telemetry.signal is not None
     assert np.isnan(telemetry.signal).all()
@@ -221,9 +219,7 @@ def test_an_absent_agent_is_sent_nothing(peers: Peers, make: Open) -> None:
     assert drone.until(lambda: bool(drone.ordered))
 
 
-def test_an_order_follows_the_last_setpoint_and_ends_setpoints_once_it_is_answered(
-    peers: Peers, connect: Open
-) -> None:
+def test_orders_follow_the_last_setpoint_and_end_setpoints(peers: Peers, connect: Open) -> None:
     [drone] = peers()
     radio = connect([drone])
     radio.receive()
@@ -279,7 +275,7 @@ def test_a_drone_is_armed_before_it_takes_off(peers: Peers, connect: Open) -> No
         (Order.LAND, orders.land(0.8, 2.0)),
     ],
 )
-def test_orders_are_given_to_the_group_that_the_drone_was_put_into(
+def test_orders_are_addressed_to_the_group_of_the_drone(
     peers: Peers, connect: Open, order: Order, packet: bytes
 ) -> None:
     [drone] = peers()
@@ -422,9 +418,7 @@ def seen(position: float, attitude: float) -> Corrections:
     )
 
 
-def test_corrections_come_after_the_deviations_they_are_weighed_with(
-    peers: Peers, connect: Open
-) -> None:
+def test_corrections_follow_their_standard_deviations(peers: Peers, connect: Open) -> None:
     [drone] = peers()
     radio = connect([drone])
     before = len(drone.got)
@@ -475,7 +469,7 @@ def test_a_deviation_that_was_given_up_is_reported_anew(peers: Peers, connect: O
 
 
 @pytest.mark.usefixtures("soon")
-def test_a_deviation_that_is_given_up_again_and_again_is_reported_once(
+def test_deviations_given_up_repeatedly_are_reported_once(
     peers: Peers, connect: Open, caplog: pytest.LogCaptureFixture
 ) -> None:
     [drone] = peers()
@@ -574,7 +568,7 @@ def test_a_late_reader_keeps_the_newest_reports(peers: Peers, connect: Open) -> 
         (Supervisor.CAN_FLY, 0.8, False),  # it stands on a table
     ],
 )
-def test_an_agent_that_flies_by_itself_at_the_end_is_commanded_to_land(
+def test_agents_flying_by_themselves_at_the_end_are_landed(
     state: Supervisor,
     z: float,
     told: bool,  # noqa: FBT001

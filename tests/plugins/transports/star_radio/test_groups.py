@@ -81,7 +81,7 @@ def test_all_have_a_bit_and_each_group_has_one() -> None:
     assert made.masks == {0: 0b111, 1: 0b011, 2: 0b101, 3: 0b001}
 
 
-def test_groups_of_one_of_all_and_of_the_same_have_no_bit_of_their_own() -> None:
+def test_trivial_or_duplicate_groups_have_no_bit_of_their_own() -> None:
     groups = {"one": (0,), "same": (1, 0), "all": (0, 1, 2), "again": (0, 1), "wire": (3, 0)}
     made = broadcasts(aired(4, groups, wired=(3,)), Air())
     assert made.masks == {0: 0b11, 1: 0b11, 2: 0b01}
@@ -276,7 +276,7 @@ def test_what_is_newer_voids_what_is_still_broadcast(peers: Peers, aloud: Aloud)
 
 
 @pytest.mark.parametrize(("absent", "said"), [(2, ["8c0302"]), (1, [])])
-def test_an_absent_drone_stops_broadcasts_that_would_be_for_it_too(
+def test_absent_drones_prevent_broadcasts_addressed_to_them(
     absent: int, said: list[str], peers: Peers, aloud: Aloud
 ) -> None:
     drones = peers(3)

@@ -80,9 +80,7 @@ def flight(tmp_path: Path) -> Iterator[Flight]:
             yield flight
 
 
-def test_the_guardian_lands_the_agents_of_a_flight_that_has_ended(
-    flight: Flight, tmp_path: Path
-) -> None:
+def test_guardian_lands_agents_of_a_killed_flight(flight: Flight, tmp_path: Path) -> None:
     flight.take_off()
     flight.radio.record_in(tmp_path)
     flight.radio._connection.close()  # as when the process is killed
@@ -126,7 +124,7 @@ def lose_in_take_off(flight: Flight, *rows: int) -> None:
         (0.0, "the guardian goes on landing cf1, cf2"),
     ],
 )
-def test_the_guardian_lands_drones_whose_links_return_after_the_flight(
+def test_guardian_lands_drones_heard_again_after_the_flight(
     flight: Flight,
     monkeypatch: pytest.MonkeyPatch,
     capfd: pytest.CaptureFixture[str],

@@ -160,9 +160,7 @@ def log(folder: Path) -> str:
     return (folder / "guardian.log").read_text()
 
 
-def test_agents_hover_while_the_flight_is_silent_and_fly_on_after(
-    flight: Flight, tmp_path: Path
-) -> None:
+def test_agents_hover_during_silence_and_then_resume(flight: Flight, tmp_path: Path) -> None:
     east = np.tile([0.4, 0.0, 0.0], (3, 1))
     flight.take_off(0.5, 0.5, 0.5)
     flight.fly(1.0, east)
@@ -232,7 +230,7 @@ def test_agents_land_that_had_just_been_commanded_to_take_off(
     assert not (flight.air.fleet._info & int(Supervisor.FLYING)).any()
 
 
-def test_agents_land_whose_take_off_arrives_after_the_flight_has_ended(flight: Flight) -> None:
+def test_agents_land_if_takeoff_arrives_after_the_flight_ended(flight: Flight) -> None:
     flight.tick()
     air, carry = flight.air, flight.air.carry
     with pytest.MonkeyPatch.context() as patch:
@@ -319,7 +317,7 @@ def test_closing_waits_for_the_landings(flight: Flight) -> None:
     assert not flight.fallen
 
 
-def test_the_guardian_lands_a_drone_whose_link_returns_long_after_the_flight(
+def test_guardian_lands_a_drone_whose_link_returns_much_later(
     flight: Flight, tmp_path: Path
 ) -> None:
     flight.lose_in_take_off(15.0)
@@ -353,9 +351,7 @@ def test_the_guardian_gives_up_after_its_timeout(flight: Flight, tmp_path: Path)
     assert "given up 20 s after the flight, may be in the air: cf2 not heard for 2" in last
 
 
-def test_a_signal_gives_up_agents_that_are_not_heard_and_no_others(
-    flight: Flight, tmp_path: Path
-) -> None:
+def test_signals_give_up_only_agents_that_are_not_heard(flight: Flight, tmp_path: Path) -> None:
     flight.lose_in_take_off()
     flight.air.later(0.5, flight.guardian.terminate)
     flight.die()
@@ -363,9 +359,7 @@ def test_a_signal_gives_up_agents_that_are_not_heard_and_no_others(
     assert "given up" in log(tmp_path)
 
 
-def test_the_guardian_does_not_stay_for_a_drone_that_its_watchdog_has_stopped(
-    flight: Flight, tmp_path: Path
-) -> None:
+def test_guardian_does_not_wait_for_watchdog_stopped_drones(flight: Flight, tmp_path: Path) -> None:
     flight.take_off(0.5, 0.5, 0.5)
     flight.fly(1.0, np.zeros((3, 3)))
     flight.cut(1)

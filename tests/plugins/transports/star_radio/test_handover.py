@@ -68,13 +68,13 @@ def test_a_landing_is_repeated_for_half_a_second() -> None:
     assert 0.4 <= last(found) <= 0.5
 
 
-def test_a_landing_is_repeated_while_the_drone_does_not_descend_until_the_watchdog() -> None:
+def test_landings_without_descent_repeat_until_the_watchdog_acts() -> None:
     found = repeated(LAND)
     assert 1.9 <= last(found) <= 2.0
     assert len(found) > 15
 
 
-def test_a_landing_that_is_seen_late_to_descend_is_repeated_no_more() -> None:
+def test_late_descents_end_the_repetition_of_a_landing() -> None:
     found = repeated(LAND, height=(0.5, 0.4 - 1e-6))
     assert last(found) == pytest.approx(1.0, abs=0.1)
 
@@ -91,20 +91,20 @@ def test_a_drone_that_is_down_is_not_landed_again(
     assert repeated(LAND, height=(height, height), state=state, confirmed=confirmed) == []
 
 
-def test_a_drone_that_is_not_seen_may_be_down_and_is_not_landed_again() -> None:
+def test_unseen_unsteered_drones_are_not_landed_again() -> None:
     assert last(repeated(LAND, seen=False, confirmed=None, steered=False)) <= 1.3
 
 
-def test_an_unseen_landing_is_repeated_until_the_watchdog_has_acted() -> None:
+def test_unseen_landings_repeat_until_the_watchdog_acts() -> None:
     assert 1.7 <= last(repeated(LAND, seen=False, confirmed=None)) <= 2.0
 
 
-def test_a_landing_that_was_never_confirmed_is_repeated_when_the_drone_is_seen() -> None:
+def test_unconfirmed_landings_of_visible_drones_are_repeated() -> None:
     assert last(repeated(LAND, confirmed=None)) > 3.8
 
 
 @pytest.mark.parametrize("seen", [True, False])
-def test_a_stop_is_repeated_until_half_a_second_after_its_confirmation(*, seen: bool) -> None:
+def test_stops_repeat_until_half_a_second_after_confirmation(*, seen: bool) -> None:
     found = repeated(STOP, seen=seen, confirmed=1.0)
     assert {what for _when, what in found} == {Repeat.ORDER}
     assert 1.4 <= last(found) <= 1.5
@@ -162,7 +162,7 @@ def fed(packets: list[tuple[float, Repeat]]) -> list[float]:
     return [now for now, what in packets if what is Repeat.SETPOINT]
 
 
-def test_a_landing_that_is_not_confirmed_feeds_the_watchdog_and_begins_anew() -> None:
+def test_unconfirmed_landings_feed_the_watchdog_and_restart() -> None:
     packets = sent(2.0)
     assert fed(packets) == pytest.approx([1.4, 1.45, 1.5])
     orders_sent = [now for now, what in packets if what is Repeat.ORDER]
@@ -186,7 +186,7 @@ def test_an_unheard_drone_is_not_fed(unheard: tuple[float, float]) -> None:
     assert packets[-1][0] > 1.5
 
 
-def test_no_setpoint_follows_a_notification_that_may_be_under_way() -> None:
+def test_no_setpoint_follows_a_possibly_pending_notification() -> None:
     handover = Handover(LAND, "land", 0.0, steered=True, setpoint_at=0.0)
     handover.repeat(0.15, Report(0.14, 0.5, PLANNED))
     handover.notified(1.35)

@@ -116,9 +116,7 @@ def test_a_driver_that_raises_is_noted(driver: Driver, link: Link) -> None:
     assert eventually(lambda: link.broken == "unplugged")
 
 
-def test_what_a_driver_complains_of_is_reported_with_what_is_not_answered(
-    driver: Driver, link: Link
-) -> None:
+def test_driver_errors_are_reported_with_the_missing_answer(driver: Driver, link: Link) -> None:
     threading.Thread(target=driver.error, args=("CommandFailure\nToo many packets lost",)).start()
     assert eventually(lambda: bool(link.broken))
     with pytest.raises(
@@ -127,7 +125,7 @@ def test_what_a_driver_complains_of_is_reported_with_what_is_not_answered(
         link.ask_all([Question.of(order(0), b"\0", "it")], timeout=0.05)
 
 
-def test_a_link_that_does_not_open_in_time_is_closed_when_it_does(driver: Driver) -> None:
+def test_links_that_open_too_late_are_closed_then(driver: Driver) -> None:
     driver.opening = 0.3
     with pytest.raises(PluginError, match=r"usb://0: not opened in 0.05 s"):
         Link("usb://0", "cf1", UdpLinks()).open(0.05)

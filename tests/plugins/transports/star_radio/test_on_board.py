@@ -204,7 +204,7 @@ def test_a_refusal_is_reported(peers: Peers, connect: Open) -> None:
 
 
 @pytest.mark.usefixtures("soon")
-def test_one_that_reports_to_be_on_the_way_is_not_commanded_again(
+def test_agents_reporting_to_be_under_way_get_no_new_command(
     peers: Peers, connect: Open, caplog: pytest.LogCaptureFixture
 ) -> None:
     [drone] = peers()

@@ -114,7 +114,7 @@ def test_it_turns_as_a_velocity_would_have_it(clock: Clock) -> None:
     assert rate == MAX_YAW_RATE
 
 
-def test_its_heading_does_not_run_away_from_a_drone_that_cannot_turn(clock: Clock) -> None:
+def test_heading_setpoints_stay_near_a_drone_that_cannot_turn(clock: Clock) -> None:
     states = WholeStates(1, clock)
     for _tick in range(40):
         packets = states.packets(setpoint([0, 0, 0], 2.5), at([0, 0, 1], 0.2), [12])
@@ -150,9 +150,7 @@ def test_an_agent_that_was_not_flown_for_a_tick_begins_anew(clock: Clock) -> Non
 
 
 @pytest.mark.parametrize("lost", [[math.nan] * 3, [33.0, 0, 0], [1e6, 0, 0]])
-def test_an_agent_that_is_at_no_place_that_can_be_sent_is_flown_by_velocity(
-    clock: Clock, lost: list[float]
-) -> None:
+def test_unencodable_positions_are_flown_by_velocity(clock: Clock, lost: list[float]) -> None:
     states, wanted = WholeStates(1, clock), setpoint([0.3, 0, 0])
     states.packets(wanted, at([1, 2, 0.8]), [12])
     clock.time += TICK

@@ -57,7 +57,7 @@ class Cut:
             air.links.faults[0] = LinkFaults(cuts=((now, now + self._length),))
 
 
-def test_a_profile_climbs_as_the_firmware_does_then_hovers_and_descends() -> None:
+def test_takeoff_profiles_climb_hover_and_descend() -> None:
     data = profiles.profile(0.5, 1.0, 2.0)
     assert data is not None
     climb, hover, down = compressed(data, 0) or []
@@ -132,7 +132,7 @@ def test_when_a_drone_comes_down_by_itself_is_announced(
     assert down <= announced[-1] <= down + (1.5 if begins == TAKEOFF else 12.0)
 
 
-def test_take_offs_of_any_height_are_taken_over_before_they_come_down(tmp_path: Path) -> None:
+def test_takeoffs_of_any_height_are_taken_over_before_descent(tmp_path: Path) -> None:
     watch = Cut(0.0)
     flight = flown(tmp_path, n=2, steps=TWO, watch=watch)
     assert flight.summary["outcome"] == "completed"

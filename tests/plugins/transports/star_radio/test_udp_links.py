@@ -79,7 +79,7 @@ def test_an_agent_without_messages_is_polled(datagrams: UdpLinks, drone: socket.
     line.close()
 
 
-def test_an_address_without_an_answer_is_reported_and_not_the_end(
+def test_unreachable_addresses_are_reported_and_others_served(
     datagrams: UdpLinks, drone: socket.socket
 ) -> None:
     silent, ear = Listener(), Listener()

@@ -70,7 +70,7 @@ def test_the_jet_carries_the_momentum_of_the_thrust() -> None:
     assert momentum == pytest.approx(WEIGHT, rel=0.1)
 
 
-def test_all_drones_below_another_feel_it_however_they_are_sorted() -> None:
+def test_downwash_reaches_all_drones_below_in_any_order() -> None:
     random = np.random.default_rng(0)
     drones = standing(random.uniform(0, 3, (60, 3)), np.zeros(60), 1.0)
     drones["thrust"] = random.uniform(0, 0.1, (60, 4))
@@ -133,7 +133,7 @@ def test_wind_does_not_move_a_drone_on_the_ground(start: Flying) -> None:
     assert np.array_equal(flight.position, before)
 
 
-def test_gusts_have_their_deviation_and_correlation_time_around_the_mean() -> None:
+def test_gusts_have_the_configured_deviation_and_correlation() -> None:
     wind = Wind([1.0, 0.0, -0.5], 0.4, 0.5, seed=0, agents=40)
     air = np.concatenate([wind.block(128) for _ in range(30)]) - [1.0, 0.0, -0.5]
     assert air.mean() == pytest.approx(0.0, abs=0.02)

@@ -31,7 +31,7 @@ def test_how_long_a_battery_hovers_is_an_option(start: Flying) -> None:
     assert before - flight.simulator.drones["charge"][0] == pytest.approx(21 / 210, rel=0.02)
 
 
-def test_an_agent_that_stands_for_so_long_after_a_flight_has_a_new_battery(start: Flying) -> None:
+def test_agents_standing_for_the_swap_time_get_a_new_battery(start: Flying) -> None:
     flight = start(endurance=30.0, swap_time=5.0)
     flight.rise()
     flight.order(Order.LAND, duration=3.0)
@@ -52,7 +52,7 @@ def test_no_agent_changes_batteries_by_default(start: Flying) -> None:
     assert flight.simulator.drones["charge"][0] < 0.9
 
 
-def test_a_battery_that_is_full_is_not_changed_and_one_in_the_air_never(start: Flying) -> None:
+def test_batteries_are_not_swapped_in_flight(start: Flying) -> None:
     flight = start(endurance=60.0, swap_time=0.1)
     flight.rise()
     flight.fly(5.0)

@@ -75,7 +75,7 @@ def test_an_order_clears_finished_at_once(start: Flying) -> None:
     assert Supervisor.COMMANDER_FINISHED not in state
 
 
-def test_a_landing_stops_the_motors_and_clears_flying_two_seconds_later(start: Flying) -> None:
+def test_landing_stops_motors_then_clears_flying_after_2_s(start: Flying) -> None:
     flight = start()
     flight.rise()
     flight.order(Order.LAND, (0, 0, 0.03))
@@ -99,7 +99,7 @@ def test_a_drone_takes_off_again_after_landing(start: Flying) -> None:
         assert flight.position[0, 2] == 0.0
 
 
-def test_a_moving_drone_that_is_commanded_to_land_does_so_where_it_was(start: Flying) -> None:
+def test_moving_drones_land_where_the_command_reached_them(start: Flying) -> None:
     flight = start()
     flight.rise()
     flight.fly(2.0, (0.4, 0, 0))
@@ -109,7 +109,7 @@ def test_a_moving_drone_that_is_commanded_to_land_does_so_where_it_was(start: Fl
     assert flight.position[0] == pytest.approx([was, 0.0, 0.0], abs=0.05)
 
 
-def test_setpoints_take_over_from_an_order_and_an_order_from_setpoints(start: Flying) -> None:
+def test_setpoints_and_orders_take_over_from_each_other(start: Flying) -> None:
     flight = start()
     flight.rise()
     flight.order(Order.GOTO, (0, 5, 0.8), duration=10.0)
@@ -134,7 +134,7 @@ def test_a_silent_link_levels_the_drone_after_half_a_second(start: Flying) -> No
     assert Supervisor.LOCKED not in flight.state()
 
 
-def test_a_link_that_is_silent_for_two_seconds_drops_and_locks_the_drone(start: Flying) -> None:
+def test_two_seconds_without_a_link_drop_and_lock_the_drone(start: Flying) -> None:
     flight = start()
     flight.rise()
     flight.fly(1.0, (0, 0, 0))

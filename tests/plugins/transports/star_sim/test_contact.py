@@ -20,7 +20,7 @@ separate = kernel(contact.separate.py_func)  # type: ignore[attr-defined]  # for
 WALL = Obstacle("wall", (((0.5, -1), (0.7, -1), (0.7, 1), (0.5, 1)),), (0.0, 2.0))
 
 
-def test_two_drones_that_meet_head_on_do_not_pass_through_each_other(start: Flying) -> None:
+def test_head_on_drones_do_not_pass_through_each_other(start: Flying) -> None:
     flight = start(2, at=[(-0.5, 0, 0), (0.5, 0, 0)])
     flight.rise()
     gaps = []
@@ -77,9 +77,7 @@ def test_drones_far_from_sorted_are_found_all_the_same() -> None:
 
 @given(seed=st.integers(0, 1000))
 @settings(max_examples=10)
-def test_a_crowd_that_is_thrown_among_obstacles_stays_finite_and_out_of_them(
-    start: Flying, seed: int
-) -> None:
+def test_crowds_thrown_among_obstacles_stay_finite_and_outside(start: Flying, seed: int) -> None:
     rng = np.random.default_rng(seed)
     corners = [(x - 0.1, y - 0.2) for x in (-1.5, -0.5, 0.5, 1.5) for y in (-1.5, -0.5, 0.5, 1.5)]
     pillars = tuple(

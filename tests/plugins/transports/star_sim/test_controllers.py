@@ -44,9 +44,7 @@ def chase(flight: Any, path: Callable[[float], tuple[float, float]], seconds: fl
 
 
 @pytest.mark.parametrize("controller", CONTROLLERS)
-def test_a_drone_trails_a_circle_of_position_setpoints_by_half_a_second(
-    start: Flying, controller: str
-) -> None:
+def test_drones_trail_position_setpoints_by_half_a_second(start: Flying, controller: str) -> None:
     """Twenty real flights trail by 0.46 to 0.66 s; at 0.5 m/s by 0.46 to 0.56 s."""
     flight = hover(start, controller)
     rate = 0.5  # rad/s: 0.5 m/s at a radius of 1 m
@@ -58,7 +56,7 @@ def test_a_drone_trails_a_circle_of_position_setpoints_by_half_a_second(
     assert abs(response) == pytest.approx(1.0, abs=0.08)
 
 
-def test_a_position_step_is_limited_to_the_firmwares_speed_and_overshoots_a_little(
+def test_position_steps_are_speed_limited_and_overshoot_slightly(
     start: Flying,
 ) -> None:
     flight = hover(start, "pid")
@@ -69,7 +67,7 @@ def test_a_position_step_is_limited_to_the_firmwares_speed_and_overshoots_a_litt
     assert flown[-1] == pytest.approx(3.0, abs=0.03)
 
 
-def test_velocity_setpoints_have_reached_63_per_cent_after_a_third_of_a_second(
+def test_velocity_setpoints_have_a_third_of_a_second_response(
     start: Flying,
 ) -> None:
     flight = hover(start, "pid")
@@ -79,7 +77,7 @@ def test_velocity_setpoints_have_reached_63_per_cent_after_a_third_of_a_second(
     assert 0.43 < speeds[-1] < 0.5  # drag: the firmware's integral takes half a minute
 
 
-def test_tilt_stays_within_the_firmwares_limit_under_a_violent_setpoint(start: Flying) -> None:
+def test_violent_setpoints_keep_tilt_within_the_firmware_limit(start: Flying) -> None:
     flight = hover(start, "pid", 2.0)
     tilts = []
     for sign in (1, -1, 1, -1):
@@ -119,12 +117,12 @@ def test_the_pid_holds_its_height_while_the_battery_empties(start: Flying) -> No
     assert flight.position[0, 2] == pytest.approx(1.0, abs=0.02)
 
 
-def test_mellingers_law_hovers_a_decimetre_low_as_in_real_flights(start: Flying) -> None:
+def test_mellinger_hovers_a_decimetre_low_as_in_real_flights(start: Flying) -> None:
     flight = hover(start, "mellinger")
     assert -0.15 < flight.position[0, 2] - 1.0 < -0.08
 
 
-def test_on_board_trajectories_lag_under_pid_and_not_under_mellinger(start: Flying) -> None:
+def test_on_board_trajectories_lag_under_pid_but_not_mellinger(start: Flying) -> None:
     error = {}
     for controller in ("ideal", *CONTROLLERS):
         flight = hover(start, controller)
@@ -155,9 +153,7 @@ def test_a_yaw_setpoint_is_followed(start: Flying, controller: str) -> None:
 
 
 @pytest.mark.parametrize("controller", CONTROLLERS)
-def test_the_same_flight_gives_the_same_bits_alone_and_in_a_swarm(
-    start: Flying, controller: str
-) -> None:
+def test_flights_are_bit_identical_alone_and_in_a_swarm(start: Flying, controller: str) -> None:
     apart = [(4.0 * i, 0.0, 0.0) for i in range(11)]
     one, many = (start(at=at, controller=controller) for at in (apart[:1], apart))
     for flight in (one, many):
@@ -181,7 +177,7 @@ def test_the_motors_voltage_inverts_the_firmwares_thrust() -> None:
     assert motor_voltage(6999.0) == 0.0  # less than FIRMWARE_THRUST_MIN
 
 
-def test_motors_are_lowered_together_where_one_would_exceed_full_pwm(start: Flying) -> None:
+def test_motors_are_lowered_together_to_avoid_saturation(start: Flying) -> None:
     flight = hover(start, "pid", 3.0, battery=0.3)
     pwm = []
     for _ in range(50):

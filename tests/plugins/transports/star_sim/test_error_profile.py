@@ -57,7 +57,7 @@ def test_constant_errors_have_the_deviations_of_the_profile() -> None:
     assert set(drones["flow_noise"]) == {1.0}
 
 
-def test_errors_of_the_flow_deck_have_the_deviations_that_drift_was_fitted_with() -> None:
+def test_flow_deck_errors_have_the_fitted_drift_deviations() -> None:
     drones = standing(np.zeros((1000, 3)), np.zeros(1000), 1.0)
     draw_errors(drones, IDEAL, 0)
     assert drones["scale"].std() == pytest.approx(0.05, rel=0.1)
@@ -69,7 +69,7 @@ def test_errors_of_the_flow_deck_have_the_deviations_that_drift_was_fitted_with(
     assert np.mean([draw_texture(seed).std() for seed in range(8)]) == pytest.approx(0.045, rel=0.1)
 
 
-def test_slow_errors_have_the_deviations_and_correlation_times_of_the_profile() -> None:
+def test_slow_errors_have_the_deviations_of_the_profile() -> None:
     quiet = replace(REALISTIC, gyro_noise=0.0, accelerometer_noise=0.0)
     wander = Wander(quiet, 0, 60)
     errors = np.concatenate([wander.block(1000) for _ in range(10)])  # 100 s
@@ -90,7 +90,7 @@ def test_noise_of_the_imu_is_white() -> None:
     assert np.abs((errors[1:] * errors[:-1]).mean()) < 0.05 * errors.var()
 
 
-def test_the_errors_of_an_agent_do_not_depend_on_the_number_of_agents() -> None:
+def test_agent_errors_do_not_depend_on_the_number_of_agents() -> None:
     few, many = (Wander(REALISTIC, 3, n).block(10) for n in (2, 5))
     assert np.array_equal(few, many[:, :2])
 
@@ -103,7 +103,7 @@ def test_an_exact_imu_keeps_the_tilt_exact(start: Flying) -> None:
 
 
 @pytest.mark.parametrize(("axis", "row", "sign"), [(0, 1, -1), (1, 0, 1)])
-def test_a_biased_accelerometer_tilts_the_estimate_until_flow_and_gravity_agree(
+def test_accelerometer_bias_tilts_the_estimate(
     start: Flying, axis: int, row: int, sign: int
 ) -> None:
     flight = start(noise=True, profile=EXACT)
@@ -114,7 +114,7 @@ def test_a_biased_accelerometer_tilts_the_estimate_until_flow_and_gravity_agree(
     assert np.abs(flight.telemetry.velocity).max() < 0.1
 
 
-def test_the_body_hangs_by_its_wrong_tilt_and_flies_the_velocity_all_the_same(
+def test_wrong_tilt_estimates_do_not_change_the_velocity(
     start: Flying,
 ) -> None:
     flight = start(noise=True, profile=EXACT)
@@ -126,7 +126,7 @@ def test_the_body_hangs_by_its_wrong_tilt_and_flies_the_velocity_all_the_same(
     assert flight.telemetry.velocity[0, 0] == pytest.approx(0.3, abs=0.1)
 
 
-def test_a_biased_accelerometer_makes_the_vertical_velocity_slightly_wrong(start: Flying) -> None:
+def test_accelerometer_bias_offsets_the_vertical_velocity(start: Flying) -> None:
     flight = start(noise=True, profile=EXACT)
     flight.simulator.drones["accelerometer_bias"][0, 2] = 0.3
     flight.rise()
@@ -228,6 +228,6 @@ def test_drones_drift_in_both_profiles(
     assert low < np.median(np.linalg.norm(drift, axis=1)) < high
 
 
-def test_an_option_of_the_camera_has_a_default_or_takes_that_of_the_profile() -> None:
+def test_camera_options_have_a_default_or_use_the_profile() -> None:
     for name, option in OPTIONS["properties"].items():
         assert ("default" in option) != ("by default" in option["description"]), name

@@ -20,7 +20,7 @@ from star_sim.estimator import lean
 Flying = Callable[..., Any]
 
 
-def test_without_noise_telemetry_is_the_truth_in_the_odometry_frame(start: Flying) -> None:
+def test_noiseless_telemetry_is_the_truth_in_odometry_frames(start: Flying) -> None:
     flight = start(at=[(1.0, -2.0, 0.0)], yaw=2.5)
     flight.rise()
     for velocity in ((0.4, 0.1, 0.05), (-0.3, 0.3, 0)):
@@ -134,14 +134,14 @@ def test_a_drone_at_rest_on_a_table_does_not_drift(start: Flying) -> None:
     assert np.abs(flight.telemetry.position).max() < 0.01
 
 
-def test_a_noisy_drone_starts_beside_its_place_but_believes_it_is_there(start: Flying) -> None:
+def test_noisy_drones_start_beside_their_believed_position(start: Flying) -> None:
     flight = start(200, noise=True, at=[(float(i), 0.0, 0.0) for i in range(200)])
     beside = flight.position - [(i, 0, 0) for i in range(200)]
     assert beside[:, :2].std() == pytest.approx(sensors.START_OFFSET, rel=0.15)
     assert np.abs(flight.telemetry.position).max() == 0.0
 
 
-def test_the_texture_has_the_deviation_and_the_correlation_it_should() -> None:
+def test_texture_has_its_deviation_and_correlation_length() -> None:
     fields = np.stack([sensors.draw_texture(seed) for seed in range(8)])
     assert fields.std() == pytest.approx(sensors.TEXTURE, rel=0.1)
     shift = round(sensors.TEXTURE_LENGTH / sensors.TEXTURE_PITCH)

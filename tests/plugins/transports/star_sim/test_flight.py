@@ -92,7 +92,7 @@ def test_a_body_that_spins_freely_keeps_its_angular_momentum(start: Flying) -> N
     assert np.linalg.norm(inertia * drones["rates"][0]) == pytest.approx(before, rel=1e-2)
 
 
-def test_tilt_stays_within_the_firmwares_limit_under_a_violent_setpoint(start: Flying) -> None:
+def test_violent_setpoints_keep_tilt_within_the_firmware_limit(start: Flying) -> None:
     flight = start()
     flight.rise(2.0)
     tilts = []

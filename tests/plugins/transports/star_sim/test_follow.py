@@ -120,7 +120,7 @@ def test_it_lies_in_the_map_whatever_the_heading_at_the_start(start: Flying) -> 
     assert 2 * np.arctan2(*half) == pytest.approx(0.0, abs=0.02)
 
 
-def test_it_is_over_when_the_commander_has_finished_and_not_between_pieces(start: Flying) -> None:
+def test_follow_ends_with_the_commander_not_between_pieces(start: Flying) -> None:
     flight = start()
     flight.rise()
     upload(flight, CORNER)
@@ -281,7 +281,7 @@ def test_a_drone_that_crashed_follows_nothing(start: Flying) -> None:
     assert flight.position[0, 2] == 0.0
 
 
-def test_the_pieces_of_a_trajectory_are_where_its_polynomials_are() -> None:
+def test_trajectory_pieces_match_their_polynomials() -> None:
     for time in (0.0, 0.4, 1.9):
         place, *_ = pieces_of(CORNER)[0].at(time)
         assert place == pytest.approx(where(CORNER, time), abs=1e-12)

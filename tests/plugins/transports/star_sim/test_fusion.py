@@ -36,7 +36,7 @@ def settled(
     return mean
 
 
-def test_constant_gains_are_those_at_which_a_kalman_filter_settles() -> None:
+def test_constant_gains_equal_settled_kalman_gains() -> None:
     [velocity] = settled(np.eye(1), np.diag([VELOCITY_NOISE]), FLOW_STD)
     assert pytest.approx(velocity, rel=0.02) == estimator.FLOW_GAIN
     carry = np.array([[1.0, CYCLE * GRAVITY], [0.0, 1.0]])
@@ -44,13 +44,13 @@ def test_constant_gains_are_those_at_which_a_kalman_filter_settles() -> None:
     assert gains == pytest.approx([estimator.IMU_FLOW_GAIN, estimator.TILT_GAIN], rel=0.02)
 
 
-def test_constant_gains_of_the_height_are_those_at_which_a_kalman_filter_settles() -> None:
+def test_constant_height_gains_equal_settled_kalman_gains() -> None:
     carry = np.array([[1.0, CYCLE], [0.0, 1.0]])
     gains = settled(carry, np.diag([0.0, CLIMB_NOISE]), RANGER_STD, lambda n: 2 * n % 5 < 2)
     assert gains == pytest.approx([estimator.IMU_HEIGHT_GAIN, estimator.IMU_CLIMB_GAIN], rel=0.02)
 
 
-def test_the_covariance_grows_as_that_of_a_position_that_integrates_the_filtered_velocity() -> None:
+def test_covariance_grows_as_that_of_integrated_velocity() -> None:
     gain = estimator.FLOW_GAIN
     carry = np.array([[1 - gain, 0.0], [CYCLE * (1 - gain), 1.0]])  # velocity, position
     measured = gain * np.array([1.0, CYCLE])

@@ -39,7 +39,7 @@ def test_the_flow_sensor_shows_whole_counts() -> None:
     assert set(np.round(counts[:, 0])) == {0.0, 1.0}
 
 
-def test_a_tilted_sensor_sees_slower_motion_and_is_corrected_for_it() -> None:
+def test_tilted_sensors_are_corrected_for_slower_motion() -> None:
     assert shown(one(), upright=0.9)[:, 0].mean() == pytest.approx(0.1, rel=1e-3)
 
 
@@ -66,7 +66,7 @@ def test_a_flow_beyond_the_sensors_range_is_cut() -> None:
     assert shown(drones, cycles=1)[0, 0] == pytest.approx(sensors.OUTLIER * COUNT)
 
 
-def test_the_ranger_shows_millimetres_and_grows_noisy_with_height() -> None:
+def test_ranger_reports_millimetres_and_noise_grows_with_height() -> None:
     assert sensors.ranged(0.80049, 0.0) == pytest.approx(0.8)
     assert sensors.ranged(1.0, 1.0) == pytest.approx(1.003, abs=6e-4)
     assert sensors.ranged(4.0, 1.0) == pytest.approx(4.2, abs=5e-3)

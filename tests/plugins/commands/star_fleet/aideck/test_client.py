@@ -130,7 +130,7 @@ def test_a_deck_that_falls_silent_is_called_anew(server: AideckServer) -> None:
         assert eventually(lambda: client.counts.connections >= 2)
 
 
-def test_a_deck_that_hangs_up_at_once_is_not_called_without_a_pause() -> None:
+def test_reconnections_to_a_deck_that_hangs_up_are_paused() -> None:
     with closing(socket.create_server(("127.0.0.1", 0))) as listener:
         listener.settimeout(0.05)
         stop = threading.Event()

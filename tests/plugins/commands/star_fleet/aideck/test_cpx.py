@@ -27,7 +27,7 @@ def in_pieces(stream: bytes, sizes: list[int]) -> list[bytes]:
 
 
 @given(st.lists(packets, max_size=5), st.lists(st.integers(0, 700), max_size=9))
-def test_packets_come_out_as_they_went_in_however_the_stream_is_cut(
+def test_packets_survive_any_fragmentation_of_the_stream(
     sent: list[Packet], sizes: list[int]
 ) -> None:
     decoder = Decoder()
@@ -48,7 +48,7 @@ def test_frames_are_those_of_cflib(packet: Packet) -> None:
 
 
 @given(st.lists(st.binary(max_size=200), max_size=5))
-def test_no_stream_is_answered_with_anything_but_packets_or_a_sync_error(
+def test_arbitrary_streams_give_packets_or_a_sync_error(
     pieces: list[bytes],
 ) -> None:
     decoder = Decoder()

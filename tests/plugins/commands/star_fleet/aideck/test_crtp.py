@@ -94,7 +94,7 @@ def test_a_vehicle_that_fails_loses_its_client_only(
     assert "ZeroDivisionError" in caplog.text
 
 
-def test_a_client_that_sends_a_length_that_there_is_not_is_sent_away_and_may_come_again(
+def test_clients_sending_invalid_lengths_may_reconnect(
     link: CrtpOverTcp, client: socket.socket
 ) -> None:
     client.sendall(b"\0\0\0\0")

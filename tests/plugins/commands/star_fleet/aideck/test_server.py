@@ -40,7 +40,7 @@ def test_a_client_gets_the_image_and_nothing_else(*, jpeg: bool, picture: Image)
     assert server.dropped == 0
 
 
-def test_a_client_that_does_not_read_misses_whole_images_and_delays_no_other() -> None:
+def test_slow_clients_miss_whole_images_and_block_nothing() -> None:
     counts = Counts()
     stream = Stream(SHAPE, counts)
     with AideckServer(port=0) as server, socket.create_connection(server.address, 5) as client:
@@ -95,7 +95,7 @@ def test_a_second_client_waits_for_the_first_to_go() -> None:
             assert eventually(served)
 
 
-def test_a_client_that_breaks_off_in_an_image_leaves_the_next_one_a_whole(picture: Image) -> None:
+def test_disconnects_within_an_image_leave_the_next_image_whole(picture: Image) -> None:
     with AideckServer(port=0) as server:
         with socket.create_connection(server.address, 5) as client:
             assert eventually(lambda: server.connected)

@@ -45,7 +45,7 @@ def test_a_raw_image_is_79_packets() -> None:
 
 
 @given(st.lists(st.integers(0, 99), max_size=4), st.lists(st.integers(0, 5000), max_size=9))
-def test_raw_images_come_out_as_they_went_in_however_the_stream_is_cut(
+def test_raw_images_survive_any_fragmentation_of_the_stream(
     seeds: list[int], sizes: list[int]
 ) -> None:
     counts = Counts()
@@ -148,12 +148,12 @@ def test_a_jpeg_image_that_is_none_is_counted_and_dropped() -> None:
     assert read(b"".join(frames)) == ([], Counts(broken=2))
 
 
-def test_a_jpeg_image_of_another_size_than_it_was_announced_is_dropped(picture: Image) -> None:
+def test_jpeg_images_of_an_unannounced_size_are_dropped(picture: Image) -> None:
     body = cv2.imencode(".jpg", picture[:32, :32])[1].tobytes()
     assert read(head(64, 48, 1, len(body)) + app(body)) == ([], Counts(broken=1))
 
 
-def test_a_jpeg_image_with_a_huge_size_in_its_header_is_not_decoded(
+def test_jpeg_images_with_a_huge_header_size_are_not_decoded(
     picture: Image, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     body = cv2.imencode(".jpg", picture)[1].tobytes()
@@ -167,7 +167,7 @@ def test_a_jpeg_image_with_a_huge_size_in_its_header_is_not_decoded(
 
 
 @given(st.lists(st.tuples(st.integers(0, 99_999), st.integers(0, 255)), min_size=1, max_size=9))
-def test_a_jpeg_image_that_was_changed_under_way_is_whole_or_not_at_all(
+def test_corrupted_jpeg_images_are_whole_or_dropped(
     changes: list[tuple[int, int]],
 ) -> None:
     body = bytearray(cv2.imencode(".jpg", small(0))[1].tobytes())
@@ -179,7 +179,7 @@ def test_a_jpeg_image_that_was_changed_under_way_is_whole_or_not_at_all(
     assert counts.images + counts.broken + counts.wrong == 1
 
 
-def test_a_stream_that_is_met_in_the_middle_is_taken_up_at_the_next_image() -> None:
+def test_streams_joined_midway_resume_at_the_next_image() -> None:
     images, counts = read(framed(small(1))[2000:] + framed(small(0)))
     assert (images[0] == small(0)).all()
     assert counts.images == 1

@@ -68,7 +68,7 @@ def test_an_agent_that_flies_cannot_take_off() -> None:
     ]
 
 
-def test_it_is_reported_once_and_what_follows_depends_on_how_it_is_mended() -> None:
+def test_repeated_airborne_problems_are_reported_once() -> None:
     assert len(faults(GOTO, GOTO, DOWN, UP, GOTO)) == 1
 
 
@@ -118,7 +118,7 @@ def test_nothing_is_reported_of_those_whose_place_is_not_known(step: str) -> Non
     assert faults(UP, step, "takeoff: {agents: cf1, height: 0.8}") == []
 
 
-def test_an_agent_that_left_is_in_no_step_and_a_step_for_those_alone_has_no_agents() -> None:
+def test_agents_that_left_are_in_no_later_step() -> None:
     assert faults(UP, "leave: {agents: cf1}", GOTO) == []
     assert faults(UP, "leave: {agents: cf1}", "hold: {agents: cf1, for: 1}") == [
         "3 hold has no agents: cf1 left the mission before"
@@ -132,7 +132,7 @@ def test_a_reserve_flies_when_it_has_joined() -> None:
     ]
 
 
-def test_nothing_is_known_of_an_agent_that_starts_above_the_floor() -> None:
+def test_agents_starting_above_the_floor_are_not_checked() -> None:
     Path("m.yaml").write_text(
         HEAD.replace("reserve: {agents: cf3}\n", "")
         .replace(", 0, 0]", ", 0, 0.3]")

@@ -56,7 +56,7 @@ def test_a_climb_that_ends_below_what_is_overhead_is_right() -> None:
 
 
 @pytest.mark.parametrize("height", ["1.4", "0.9", "0.75"])
-def test_a_climb_through_an_obstacle_into_it_or_up_to_it_is_refused(height: str) -> None:
+def test_climbs_into_or_through_obstacles_are_refused(height: str) -> None:
     up = f"takeoff: {{height: {height}}}"
     assert faults(up) == [f"1:5: 'cf2' cannot climb to {height} m: {HIT}"]
 
@@ -69,18 +69,18 @@ def test_only_the_agents_of_a_step_are_asked() -> None:
     assert faults("takeoff: {agents: cf1, height: 1.4}") == []
 
 
-def test_an_agent_that_lands_elsewhere_may_climb_higher_than_over_its_start() -> None:
+def test_climb_limits_follow_the_last_landing_position() -> None:
     assert faults(LOW, ASIDE, "land: {}", HIGH) == []
 
 
-def test_a_climb_inside_of_other_steps_is_refused_and_reported_once() -> None:
+def test_climbs_in_nested_steps_are_refused_and_reported_once() -> None:
     inner = f"[{{{HIGH}}}, land: {{}}]"
     for step in (f"repeat: {{times: 3, steps: {inner}}}", f"each: {{steps: {inner}}}"):
         (found,) = faults(step)
         assert f"'cf2' cannot climb to 1.4 m: {HIT}" in found
 
 
-def test_a_reserve_is_asked_when_it_relieves_and_when_it_joins_and_not_before() -> None:
+def test_reserves_are_checked_when_they_relieve_or_join() -> None:
     reserve = MISSION.replace("transport", "reserve: {agents: [cf2], height: 0.5}\ntransport")
     assert faults(HIGH, head=reserve) == []
     join = "join: {agents: cf2, height: 1.4}"
@@ -108,12 +108,12 @@ def safe(within: float, head: str = MISSION) -> str:
     return head.replace("transport", f"{rule}transport", 1)
 
 
-def test_a_rule_for_agents_near_the_fence_may_leave_room_for_starts_and_climbs() -> None:
+def test_fence_rules_that_leave_room_for_climbs_are_accepted() -> None:
     assert faults(LOW, "land: {}", head=safe(0.4)) == []
     assert faults("land: {}", head=safe(0.9)) == []  # no agent flies
 
 
-def test_starts_at_which_the_rule_would_end_the_flight_are_reported() -> None:
+def test_starts_that_break_the_fence_rule_are_reported() -> None:
     at_the_edge = MISSION.replace("[-1, 0, 0]", "[-1, -1.75, 0]")
     (found,) = faults(LOW, head=safe(0.3, at_the_edge))
     assert found.endswith(
@@ -136,9 +136,7 @@ def test_a_start_in_a_corner_is_reported_at_the_fence_itself_too() -> None:
         ("repeat: {times: 1, steps: [takeoff: {height: 0.5}]}", "1:50", "0.5 m is 0.50 m from"),
     ],
 )
-def test_a_climb_at_whose_end_the_rule_would_end_the_flight_is_reported(
-    step: str, place: str, told: str
-) -> None:
+def test_climbs_that_break_the_fence_rule_are_reported(step: str, place: str, told: str) -> None:
     (found,) = faults(step, head=safe(0.6))
     assert found.startswith(f"{place}: {told}")
     assert found.endswith(f"{NEAR} 0.6 m [fence-too-near]")
@@ -150,7 +148,7 @@ def test_so_is_the_climb_of_a_reserve() -> None:
     assert "0.5 m is 0.50 m from the floor of the fence" in found
 
 
-def test_limits_that_leave_no_height_the_rule_allows_are_reported_once() -> None:
+def test_height_limits_ruled_out_by_the_fence_are_reported_once() -> None:
     low = MISSION.replace("transport", "limits: {height: [0.2, 0.5]}\ntransport", 1)
     (found,) = faults("takeoff: {height: 0.4}", head=safe(0.6, low))
     assert "every height to fly at, from 0.2 to 0.5 m, is within 0.6 m of the floor" in found
@@ -183,7 +181,7 @@ def test_an_each_for_a_reserve_that_does_not_join_has_no_agents() -> None:
          "{repeat: {times: 1, steps: [{hold: {agents: cf2}}, {external: {agents: cf2}}]}}]"],
     ],
 )  # fmt: skip
-def test_steps_that_do_not_begin_at_once_or_have_ports_of_their_own_are_right(
+def test_external_steps_need_distinct_ports_only_if_parallel(
     steps: list[str],
 ) -> None:
     assert faults(LOW, *steps) == []

@@ -57,7 +57,7 @@ def mistakes(*changes: tuple[str, str], world: str = WORLD) -> list[tuple[str, i
     return [(place[1], int(place[2])) for place in found if place]
 
 
-def test_one_run_reports_mistakes_of_every_kind_in_the_order_of_the_file() -> None:
+def test_one_run_reports_all_kinds_of_problems_in_file_order() -> None:
     found = mistakes(
         ("speed: 0.5", "speed: fast"),  # schema
         ("[cf1, cf2]", "[cf1, cf9]"),  # reference
@@ -71,7 +71,7 @@ def test_one_run_reports_mistakes_of_every_kind_in_the_order_of_the_file() -> No
     assert found == [("m.yaml", line) for line in (4, 9, 15, 16, 18, 19)]
 
 
-def test_a_mission_in_a_broken_world_still_gets_its_references_checked() -> None:
+def test_references_are_checked_although_the_world_is_invalid() -> None:
     found = mistakes(
         ("[cf1, cf2]", "[cf1, cf9]"),
         ("avoider: orca", "avoider: orka"),
@@ -81,7 +81,7 @@ def test_a_mission_in_a_broken_world_still_gets_its_references_checked() -> None
     assert found == [("m.yaml", 9), ("m.yaml", 13), ("m.yaml", 17), ("room.yaml", 3)]
 
 
-def test_a_mission_with_a_world_that_is_not_there_still_gets_its_steps_checked() -> None:
+def test_steps_are_checked_although_the_world_file_is_missing() -> None:
     found = mistakes(("room.yaml", "rom.yaml"), ("  - takeoff: {height: 0.8}\n", ""))
     assert found == [("m.yaml", 3), ("m.yaml", 15)]
 

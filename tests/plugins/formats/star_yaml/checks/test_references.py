@@ -158,7 +158,7 @@ def test_every_part_receives_the_groups_of_a_mission(missions: Path) -> None:
         (["cf19", "cf2"], (1,)),
     ],
 )
-def test_the_agents_of_a_step_come_once_each_in_the_order_of_the_swarm(
+def test_agents_of_a_step_are_unique_and_in_swarm_order(
     given: str | list[str], rows: tuple[int, ...]
 ) -> None:
     agents = {f"cf{row + 1}": (row,) for row in range(8)}
@@ -166,7 +166,7 @@ def test_the_agents_of_a_step_come_once_each_in_the_order_of_the_swarm(
     assert rows_of(given, groups) == rows
 
 
-def test_a_group_of_an_unknown_agent_is_reported_with_a_suggestion() -> None:
+def test_unknown_agents_in_groups_get_a_suggestion() -> None:
     assert problems(MISSION.replace("[cf1, cf2]}", "[cf1, cf22]}")) == [
         "m.yaml:9:22: no agent named 'cf22'; did you mean 'cf2'? [unknown-agent]"
     ]
@@ -187,7 +187,7 @@ def test_a_group_cannot_be_called_like_an_agent() -> None:
         ("  - repeat: {times: 2, steps: [{wait: {agents: pear}}]}\n", "15:48"),
     ],
 )
-def test_a_step_for_an_unknown_agent_is_reported_wherever_it_stands(steps: str, place: str) -> None:
+def test_unknown_agents_in_steps_are_reported_at_any_depth(steps: str, place: str) -> None:
     assert problems(with_steps(steps)) == [
         f"m.yaml:{place}: no agent or group named 'pear'; did you mean 'pair'? [unknown-agent]"
     ]
@@ -261,7 +261,7 @@ def test_starts_may_be_just_two_radii_apart() -> None:
     assert problems(mission, Parts({"avoider": {"radius": NUMBER}})) == []
 
 
-def test_without_a_radius_starts_are_apart_by_the_span_of_a_drone() -> None:
+def test_default_start_separation_is_the_diameter_of_a_drone() -> None:
     close, closer = (MISSION.replace("[1, 0, 0]", f"[{x}, 0, 0]") for x in ("0.12", "0.11"))
     assert problems(close) == []
     assert problems(closer) == [
@@ -299,7 +299,7 @@ def test_the_check_of_a_part_is_given_the_scene_and_the_options() -> None:
     assert options == {"odd": 3}
 
 
-def test_the_check_of_a_verb_is_given_the_rows_and_only_the_options_of_its_own() -> None:
+def test_verb_checks_receive_rows_and_only_their_own_options() -> None:
     plugin = Parts({"task": {"odd": NUMBER}})
     step = "  - wait: {agents: [cf3, cf1], odd: 3, timeout: 9, on_failure: land}\n"
     problems(with_steps(step), plugin)
@@ -320,7 +320,7 @@ def test_what_the_check_of_a_verb_finds_stands_in_its_step() -> None:
 
 
 @pytest.mark.parametrize(("kind", "name"), [("avoider", "shy"), ("task", "wait")])
-def test_a_check_that_raises_is_reported_as_a_fault_of_its_plugin(kind: str, name: str) -> None:
+def test_checks_that_raise_are_attributed_to_their_plugin(kind: str, name: str) -> None:
     plugin = Parts(faults={kind: ZeroDivisionError("oops")})
     (found,) = problems(MISSION, plugin)
     assert found.partition(": ")[2] == (
@@ -329,7 +329,7 @@ def test_a_check_that_raises_is_reported_as_a_fault_of_its_plugin(kind: str, nam
     )
 
 
-def test_a_check_that_yields_something_else_is_reported_as_a_fault_of_its_plugin() -> None:
+def test_checks_that_yield_other_types_name_their_plugin() -> None:
     plugin = Parts(faults={"avoider": [(("odd",), "3 is odd")]})  # type: ignore[list-item]
     (found,) = problems(MISSION, plugin)
     assert found.partition(": ")[2] == (
@@ -338,7 +338,7 @@ def test_a_check_that_yields_something_else_is_reported_as_a_fault_of_its_plugin
     )
 
 
-def test_a_name_that_two_plugins_offer_is_refused_where_it_is_used() -> None:
+def test_names_offered_by_two_plugins_are_refused_where_used() -> None:
     both = registry()
     both.add(Parts(), Source("my-dist:parts"))
     Path("m.yaml").write_text(MISSION)
@@ -363,13 +363,13 @@ def test_everything_wrong_with_a_mission_is_listed() -> None:
     assert found == {"4", "6", "9", "13", "15"}
 
 
-def test_everything_wrong_with_a_mission_is_listed_in_the_order_of_the_file() -> None:
+def test_all_mission_problems_are_listed_in_file_order() -> None:
     plugin = Parts(faults={"avoider": [Problem((), "too shy")]})
     lines = [int(problem.split(":")[1]) for problem in problems(WRONG, plugin)]
     assert lines == sorted(lines)
 
 
-def test_a_check_receives_the_defaults_of_options_that_are_not_given() -> None:
+def test_checks_receive_defaults_of_absent_options() -> None:
     inner = {"type": "object", "properties": {"rate": {"type": "number", "default": 5}}}
     plugin = Parts({"avoider": {"gap": {"type": "number", "default": 2}, "link": inner}})
     text = MISSION.replace("avoider: shy", "avoider: {use: shy, link: {}}")

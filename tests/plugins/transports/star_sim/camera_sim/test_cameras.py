@@ -123,7 +123,7 @@ def test_nothing_arrives_before_its_time() -> None:
     assert len(cameras.arrived(0.601)[1].tag)
 
 
-def test_unwanted_images_are_not_rendered_and_others_do_not_change() -> None:
+def test_unwanted_images_are_not_rendered_nor_affect_others() -> None:
     both = room(Camera(), Camera())
     cameras = Cameras(both, camera_options(**EXACT), lambda row: row == 1)
     while (step := cameras.next_step) <= round(2.0 / STEP):
@@ -133,7 +133,7 @@ def test_unwanted_images_are_not_rendered_and_others_do_not_change() -> None:
     assert (some.taken == every.taken[every.agent == 1]).all()
 
 
-def test_an_image_that_only_compiles_arrives_nowhere_and_changes_nothing() -> None:
+def test_compiling_delivers_no_image_and_changes_nothing() -> None:
     one, other = (Cameras(room(Camera()), camera_options(latency_std=0.0)) for _ in range(2))
     other.compile(hovering(1))
     images = []
@@ -170,7 +170,7 @@ def test_what_comes_in_one_tick_is_in_the_order_of_its_arrival() -> None:
     assert (np.diff(seen.taken) < 0).any()  # though they overtake one another
 
 
-def test_images_that_arrive_together_are_in_the_order_of_the_agents() -> None:
+def test_simultaneous_images_are_in_agent_order() -> None:
     cameras = Cameras(room(Camera(rate=10.0), Camera(rate=20.0)), camera_options(**EXACT))
     cameras.take(hovering(2), cameras.next_step)  # both at 0.05 s
     _, seen = cameras.arrived(5.0)
@@ -247,7 +247,7 @@ def test_corners_are_where_the_real_tags_are_seen() -> None:
     assert seen.corners[:3] == pytest.approx(corners)
 
 
-def test_a_tag_on_the_axis_of_the_camera_is_seen_at_the_principal_point() -> None:
+def test_tags_on_the_optical_axis_appear_at_the_principal_point() -> None:
     camera = Camera(position=(0.0, 0.0, 0.0), distortion=(0.0, 0.0, 0.0, 0.0, 0.0))
     seen = watched(room(camera), 0.5)
     middle = seen.corners[seen.tag == 0][0].mean(axis=0)

@@ -93,7 +93,7 @@ def test_without_deviation_the_truth_is_what_is_believed() -> None:
     st.floats(-3.0, 3.0),
     st.integers(0, 99),
 )
-def test_a_camera_is_turned_by_as_much_as_was_drawn_however_it_looks(
+def test_camera_pose_errors_do_not_depend_on_orientation(
     roll: float, pitch: float, yaw: float, seed: int
 ) -> None:
     camera = Camera(roll=roll, pitch=pitch, yaw=yaw)

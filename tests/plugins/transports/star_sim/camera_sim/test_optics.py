@@ -70,7 +70,7 @@ def test_opencv_sees_the_ray_of_each_pixel_at_that_pixel(camera: Camera) -> None
     assert seen[trusted] == pytest.approx(np.stack([u, v], axis=-1)[trusted], abs=1e-6)
 
 
-def test_a_model_that_turns_back_before_the_corner_is_not_trusted_there() -> None:
+def test_folding_lens_models_are_limited_at_their_reach() -> None:
     lens = optics(Camera())  # the calibrated one does, at the upper left corner
     directions = np.hypot(*rays(Camera()))
     beyond = directions > lens.reach - 1e-6

@@ -31,7 +31,7 @@ def test_the_middle_ray_hits_the_floor_at_the_geometric_point(take: Take) -> Non
     assert pixels(axis, take())[0] == pytest.approx(CAMERA.matrix[2:], abs=1e-6)
 
 
-def test_right_and_down_in_the_image_are_right_and_near_on_the_floor(take: Take) -> None:
+def test_image_right_and_down_are_floor_right_and_near(take: Take) -> None:
     ahead, right, near = pixels([[1.0, 0, 0], [1.0, -0.2, 0], [0.8, 0, 0]], take())
     assert right[0] > ahead[0] + 10
     assert near[1] > ahead[1] + 10

@@ -101,7 +101,7 @@ def test_a_tag_has_its_rotation(yaw: float, ground: Floor, room: Room, take: Tak
     assert seen[7][[3, 2, 1, 0]] == pytest.approx(corners[0], abs=2.0)
 
 
-def test_an_unrotated_tag_is_upright_for_a_camera_that_faces_north(
+def test_unrotated_tags_are_upright_for_a_north_facing_camera(
     ground: Floor, room: Room, take: Take
 ) -> None:
     tags = [lying(7, 0.0, 0.75)]  # the map's y axis, hence the tag's, points away from the camera
@@ -114,9 +114,7 @@ def test_an_unrotated_tag_is_upright_for_a_camera_that_faces_north(
     assert upper_left[1] < lower_left[1]
 
 
-def test_edges_are_where_they_belong_in_every_direction_at_any_motion(
-    ground: Floor, room: Room, take: Take
-) -> None:
+def test_rendered_edges_are_unbiased_for_any_motion(ground: Floor, room: Room, take: Take) -> None:
     rng = np.random.default_rng(3)
     errors, directions = [], []
     for number in range(40):
