@@ -97,8 +97,8 @@ class TargetFound(Condition):
         return len(now.targets) >= self.target
 
     def __str__(self) -> str:
-        found = isinstance(self.target, str)
-        return f"{self.target!r} is found" if found else f"{self.target} targets are found"
+        is_name = isinstance(self.target, str)
+        return f"{self.target!r} is found" if is_name else f"{self.target} targets are found"
 
 
 @dataclass(frozen=True, slots=True)

@@ -45,9 +45,9 @@ def check_inner(scene: Scene, kind: str, choice: str | Mapping[str, Any]) -> Ite
         (('gain',), "planner 'straight': gain: -1 is not possible here, expected more than 0")
     """
     registry = Registry()
-    found = [*format_function("check_choice", registry)(kind, choice, registry)]
-    yield from found
-    if not found:
+    problems = [*format_function("check_choice", registry)(kind, choice, registry)]
+    yield from problems
+    if not problems:
         name, options = _parted(choice)
         offer = registry.find(kind, name).offer
         if offer.check is not None:

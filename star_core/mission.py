@@ -55,7 +55,7 @@ class Action:
     @property
     def label(self) -> str:
         """File, line and verb, for messages: ``tour.yaml:3 (from patrol.yaml:5) goto``."""
-        origin = ", ".join(_short(one) for one in reversed(self.included_from))
+        origin = ", ".join(_short(location) for location in reversed(self.included_from))
         return f"{_short(self.location)}{f' (from {origin})' if origin else ''} {self.verb}"
 
 
@@ -178,5 +178,5 @@ def _short(location: str) -> str:
     >>> _short("missions/patrol.yaml:5:3"), _short("--set mission=[]")
     ('patrol.yaml:5', '--set mission=[]')
     """
-    found = re.fullmatch(r"(?:.*/)?([^/]+:\d+):\d+", location)
-    return found[1] if found else location
+    match = re.fullmatch(r"(?:.*/)?([^/]+:\d+):\d+", location)
+    return match[1] if match else location

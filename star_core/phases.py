@@ -93,7 +93,7 @@ class Phases:
             )
         self._now = np.zeros(len(names), np.int64)
         self._causes = [""] * len(names)  # of emergencies
-        self._seen: tuple[bytes, ...] = ()
+        self._last_inputs: tuple[bytes, ...] = ()
 
     @property
     def mission(self) -> MissionPhase:
@@ -147,13 +147,13 @@ class Phases:
             located: (N,) whether its estimate is valid.
             settled: (N,) whether a climb has come to rest once the commander has finished it.
         """
-        seen = (
+        inputs = (
             state.tobytes(), heard.tobytes(), located.tobytes(), settled.tobytes(),
             self._now.tobytes(),
         )  # fmt: skip
-        if seen == self._seen:
+        if inputs == self._last_inputs:
             return  # no transition is possible
-        self._seen = seen
+        self._last_inputs = inputs
         finished = heard & (state & int(Supervisor.COMMANDER_FINISHED) != 0)
         flying = state & int(Supervisor.FLYING) != 0
         fallen = heard & (state & FALLEN != 0) & ~self.among(_P.EMERGENCY)

@@ -273,14 +273,14 @@ class PluginPipeline:
             self._planner.require(check)
         return refused
 
-    def avoid(self, estimate: Estimate, wanted: Setpoint) -> Setpoint:
-        """Return the setpoint nearest to `wanted` that keeps the agents apart.
+    def avoid(self, estimate: Estimate, planned: Setpoint) -> Setpoint:
+        """Return the setpoint nearest to `planned` that keeps the agents apart.
 
-        If the avoider fails it is `wanted`: the tick then brakes all agents.
+        If the avoider fails it is `planned`: the tick then brakes all agents.
         """
         avoid = self._avoider.plugin.avoid
         return self._avoider.attempt(
-            lambda: checked_setpoint(avoid(estimate, wanted), self._n), lambda: wanted
+            lambda: checked_setpoint(avoid(estimate, planned), self._n), lambda: planned
         )
 
     def strike(self, kind: str, reason: str) -> None:

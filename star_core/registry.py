@@ -56,7 +56,7 @@ class Registry:
         self._sources: dict[str, Source] = {}
         self._failed: dict[str, BaseException] = {}
         self._origins: dict[int, Found] = {}  # by the `id` of the record
-        self._found: dict[str, dict[str, list[Found]]] = {}
+        self._plugins: dict[str, dict[str, list[Found]]] = {}
         for entry, source in installed_plugins() if installed else ():
             try:
                 self._register(entry.load(), source)
@@ -98,9 +98,9 @@ class Registry:
             for plugin, text in self.manager.unknown_hooks():
                 self._failed.setdefault(plugin, PluginError(text, "contract-broken"))
             if not self._failed:
-                self._found = {}
+                self._plugins = {}
                 for kind in reversed(self.kinds):  # verbs use the kinds that plugins add
-                    self._found[kind] = self._of(kind)
+                    self._plugins[kind] = self._of(kind)
             if not self._failed:
                 break
             for name, error in self._failed.items():
@@ -115,20 +115,20 @@ class Registry:
     def _of(self, kind: str) -> dict[str, list[Found]]:
         """Return the records of a kind by name, sorted by origin."""
         results = getattr(self.manager.hook, f"star_{kind}s")(registry=self)
-        found = [self._origins[id(record)] for own in results for record in own]
+        plugins = [self._origins[id(record)] for records in results for record in records]
         by_name: dict[str, list[Found]] = {}
-        for one in sorted(found, key=lambda one: str(one.source)):
-            by_name.setdefault(one.offer.name, []).append(one)
+        for plugin in sorted(plugins, key=lambda plugin: str(plugin.source)):
+            by_name.setdefault(plugin.offer.name, []).append(plugin)
         if kind == "command":
             self._refuse_namesakes(by_name)
         return by_name
 
     def _refuse_namesakes(self, commands: Mapping[str, list[Found]]) -> None:
         """Fail the plugins with a command that is called like one of STAR's own."""
-        for name, found in commands.items():
-            if any(one.source.own for one in found):
+        for name, plugins in commands.items():
+            if any(plugin.source.own for plugin in plugins):
                 text = f"command {name!r}: STAR has a command of that name itself"
-                for other in (one.source.plugin for one in found if not one.source.own):
+                for other in (plugin.source.plugin for plugin in plugins if not plugin.source.own):
                     error = PluginError(text, "duplicate-plugin")
                     self._failed.setdefault(other, error)
 
@@ -190,7 +190,7 @@ class Registry:
 
     def names(self, kind: str) -> tuple[str, ...]:
         """Return every name of a kind, in alphabetical order."""
-        return tuple(sorted(self._found.get(kind, ())))
+        return tuple(sorted(self._plugins.get(kind, ())))
 
     def observers(self) -> dict[str, object]:
         """Return the plugins that observe flights by name, in the order of registration."""
@@ -204,7 +204,7 @@ class Registry:
         the name and explains why.
         """
         return {
-            kind: {name: _merged(self._found[kind][name]) for name in self.names(kind)}
+            kind: {name: _merged(self._plugins[kind][name]) for name in self.names(kind)}
             for kind in self.kinds
         }
 
@@ -214,27 +214,27 @@ class Registry:
         Raises:
             PluginError: There is none, and the message suggests the nearest one; or there are two.
         """
-        found = self._found.get(kind, {}).get(name, [])
+        matches = self._plugins.get(kind, {}).get(name, [])
         words = kind.replace("_", " ")
-        if not found:
+        if not matches:
             skipped = "".join(
                 f"; plugin {source} was left out: {why}" for source, why in self.broken.items()
             )
             hint = suggestion(name, self.names(kind), "there are")
             raise PluginError(f"no {words} named {name!r}{hint}{skipped}", "unknown-plugin")
-        if len(found) > 1:
-            sources = " and ".join(str(one.source) for one in found)
+        if len(matches) > 1:
+            sources = " and ".join(str(match.source) for match in matches)
             raise PluginError(
                 f"two plugins offer {words} {name!r}: {sources}; uninstall one", "duplicate-plugin"
             )
-        return found[0]
+        return matches[0]
 
     def __iter__(self) -> Iterator[tuple[str, Found]]:
         """Yield every kind and record, those of equal names included."""
         for kind in self.kinds:
             for name in self.names(kind):
-                for found in self._found[kind][name]:
-                    yield kind, found
+                for plugin in self._plugins[kind][name]:
+                    yield kind, plugin
 
 
 def _kind_of(hook: str) -> str:
@@ -245,11 +245,11 @@ def _offer(registry: Registry) -> Iterable[Spec]:  # type: ignore[empty-body]
     """Offer records of a kind that a plugin adds."""
 
 
-def _merged(found: list[Found]) -> Any:
-    first = found[0].offer
-    if len(found) == 1 or not isinstance(first, MissionSpec):
+def _merged(plugins: list[Found]) -> Any:
+    first = plugins[0].offer
+    if len(plugins) == 1 or not isinstance(first, MissionSpec):
         return first
-    names = [name for one in found for name in one.offer.options.get("properties", {})]
+    names = [name for plugin in plugins for name in plugin.offer.options.get("properties", {})]
     options = {"type": "object", "properties": {name: {} for name in names}}
     return replace(first, options=options)
 

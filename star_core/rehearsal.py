@@ -73,8 +73,8 @@ class Rehearsal:
     @property
     def duration(self) -> float | None:
         """Duration of the mission, s; None if that of a step is unknown."""
-        known = all(step.duration is not None for step in self.steps)
-        return float(self.time[-1]) if known else None
+        complete = all(step.duration is not None for step in self.steps)
+        return float(self.time[-1]) if complete else None
 
     @property
     def airborne(self) -> Mask:

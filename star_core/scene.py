@@ -154,7 +154,7 @@ def inside(folder: Path, name: str) -> Path:
     path = folder / name
     try:
         within = path.resolve().is_relative_to(folder.resolve())
-        there, is_file = path.exists(), path.is_file()
+        exists, is_file = path.exists(), path.is_file()
     except (OSError, RuntimeError, ValueError) as error:  # a loop of links, a NUL in the name
         raise InputError(f"{name!r} is no path of a file: {error}", "unreadable-file") from error
     if Path(name).is_absolute():
@@ -166,7 +166,7 @@ def inside(folder: Path, name: str) -> Path:
         raise InputError(text, "file-not-found")
     if is_file:
         return path
-    if there:
+    if exists:
         text = f"{name!r} is no file; name a file in the mission's folder"
         raise InputError(text, "unreadable-file")
     if "\\" in name:

@@ -22,9 +22,9 @@ def run_command(name: str, arguments: Sequence[str], registry: Registry) -> int:
         StarError: There is none of that name, or its arguments are invalid.
         SystemExit: By argparse, for an invalid value and for ``--help``.
     """
-    found = registry.find("command", name)
-    options = guarded("command", found, parse, found.offer, arguments)
-    status: int = guarded("command", found, found.offer.run, options, registry)
+    command = registry.find("command", name)
+    options = guarded("command", command, parse, command.offer, arguments)
+    status: int = guarded("command", command, command.offer.run, options, registry)
     return status
 
 
@@ -51,7 +51,7 @@ def parse(spec: CommandSpec, arguments: Sequence[str]) -> argparse.Namespace:
     if unknown and not unknown[0].startswith("-"):
         raise InputError(f"{unknown[0]!r} is one argument too many", "invalid-argument")
     if unknown:
-        known = re.findall("--[a-z-]+", line.format_help())
-        hint = suggestion(unknown[0], known, "there are")
+        flags = re.findall("--[a-z-]+", line.format_help())
+        hint = suggestion(unknown[0], flags, "there are")
         raise InputError(f"unknown option {unknown[0]!r}{hint}", "unknown-option")
     return options

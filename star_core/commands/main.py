@@ -65,10 +65,10 @@ def _main(arguments: list[str]) -> int:
 def overview(registry: Registry) -> str:
     """Return all commands by group; commands of one name are all listed."""
     groups: dict[str, list[str]] = {group: [] for group in GROUPS}
-    for kind, found in registry:
+    for kind, plugin in registry:
         if kind == "command":
-            line = f"  {found.offer.name:<12}{found.offer.summary}"
-            groups.setdefault(found.offer.group, []).append(line)
+            line = f"  {plugin.offer.name:<12}{plugin.offer.summary}"
+            groups.setdefault(plugin.offer.group, []).append(line)
     lists = ["\n".join([group, *lines]) for group, lines in groups.items() if lines]
     head = "Missions for drone swarms, from one YAML file."
     return "\n\n".join([head, *lists, "`star COMMAND --help` describes a command."])
@@ -81,16 +81,16 @@ def _command(name: str, arguments: list[str]) -> int:
         StarError: There is none of that name.
     """
     registry = _loaded()
-    known = registry.names("command")
-    if name not in known:
-        raise StarError(f"star has no command {name!r}{suggestion(name, known, 'there are')}")
+    names = registry.names("command")
+    if name not in names:
+        raise StarError(f"star has no command {name!r}{suggestion(name, names, 'there are')}")
     from contextlib import nullcontext
 
     from star_core.commands.command_line import run_command
     from star_core.toolkit.printable_output import printable_output
 
-    own = registry.find("command", name).source.own
-    with printable_output() if own else nullcontext():
+    shipped = registry.find("command", name).source.own
+    with printable_output() if shipped else nullcontext():
         return run_command(name, arguments, registry)
 
 
@@ -144,7 +144,9 @@ def _without_threads(status: int) -> int:
         sys.stderr.flush()
     except OSError:  # otherwise Python would exit with a status of its own
         _discard(sys.stderr)
-    if not all(one.daemon for one in threading.enumerate() if one is not threading.main_thread()):
+    if not all(
+        thread.daemon for thread in threading.enumerate() if thread is not threading.main_thread()
+    ):
         os._exit(status)
     return status
 

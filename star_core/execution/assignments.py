@@ -18,22 +18,22 @@ class Team:
     Attributes:
         holders: The row of the agent assigned to each of the step's slots.
         rows: Their rows.
-        own: (N,) whether an agent is one of them.
+        members: (N,) whether an agent is one of them.
         label: Their names or their group's, for messages.
     """
 
     holders: Mapping[int, int]
     rows: tuple[int, ...]
-    own: Mask
+    members: Mask
     label: str
 
     @classmethod
     def of(cls, holders: Mapping[int, int], scene: Scene) -> Team:
         """Return the agents assigned to some slots."""
         rows = tuple(holders.values())
-        own = np.zeros(len(scene.agents), np.bool_)
-        own[list(rows)] = True
-        return cls(holders, rows, own, scene.label(rows))
+        members = np.zeros(len(scene.agents), np.bool_)
+        members[list(rows)] = True
+        return cls(holders, rows, members, scene.label(rows))
 
 
 class Assignments:

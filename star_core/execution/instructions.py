@@ -124,13 +124,13 @@ class Draft:
         self.free = {*instructions.free}
 
     def add(
-        self, answer: object, own: Mask, trajectories: Collection[Trajectory] = ()
+        self, answer: object, members: Mask, trajectories: Collection[Trajectory] = ()
     ) -> TaskOutput:
         """Merge a task's output, which may be about its own agents only, and return it.
 
         Args:
             answer: The output.
-            own: (N,) the task's agents.
+            members: (N,) the task's agents.
             trajectories: Those that have been uploaded.
 
         Raises:
@@ -141,10 +141,10 @@ class Draft:
         if not isinstance(output.status, Status):
             raise ContractError(f"TaskOutput.status is {output.status!r}, expected a Status")
         for command in output.commands:
-            _check_command(require_type(command, Command), own, trajectories)
+            _check_command(require_type(command, Command), members, trajectories)
         if output.goals is not None:
             goals = require_type(output.goals, Goals)
-            self.goals.take(goals, _checked_rows(goals, own))
+            self.goals.take(goals, _checked_rows(goals, members))
         self.commands += output.commands
         return output
 
@@ -159,10 +159,10 @@ class Draft:
         )
 
 
-def _checked_rows(goals: Goals, own: Mask) -> Rows:
+def _checked_rows(goals: Goals, members: Mask) -> Rows:
     """Return the rows of the agents that have goals."""
-    require_rows(goals, len(goals.active), len(own))
-    if some(goals.active > own):
+    require_rows(goals, len(goals.active), len(members))
+    if some(goals.active > members):
         raise ContractError("has goals for agents that are not its own")
     rows = np.flatnonzero(goals.active)
     for name in NUMBERS:
@@ -174,8 +174,8 @@ def _checked_rows(goals: Goals, own: Mask) -> Rows:
     return rows
 
 
-def _check_command(command: Command, own: Mask, trajectories: Collection[Trajectory]) -> None:
-    agents, rows = command.agent.tolist(), np.flatnonzero(own).tolist()
+def _check_command(command: Command, members: Mask, trajectories: Collection[Trajectory]) -> None:
+    agents, rows = command.agent.tolist(), np.flatnonzero(members).tolist()
     if not set(agents) <= set(rows):
         raise CommandError(f"commands agents {agents!r}, its own are {tuple(rows)!r}")
     if command.trajectory is not None and command.trajectory not in trajectories:

@@ -102,7 +102,7 @@ class LandingManager:
     @property
     def until(self) -> float:
         """Time by which all landings will have been commanded, s; 0 if none is held back."""
-        return max((one.until for one in self._waiting.values()), default=0.0)
+        return max((landing.until for landing in self._waiting.values()), default=0.0)
 
     @property
     def rows(self) -> list[int]:
@@ -218,10 +218,12 @@ class LandingManager:
         ready = []
         for row in sorted(self._waiting, key=lambda row: (estimate.position[row, 2], row)):
             landing = self._waiting[row]  # lowest first: it keeps its position
-            here, velocity = estimate.position[row], estimate.velocity[row]
+            position, velocity = estimate.position[row], estimate.velocity[row]
             if drifts[row] and not landing.descends:
                 landing.descends = True
-                landing.until = self._vehicles.time + max(0.0, here[2]) / LAND_SPEED + SETTLING_TIME
+                landing.until = (
+                    self._vehicles.time + max(0.0, position[2]) / LAND_SPEED + SETTLING_TIME
+                )
             if drifts[row] and self._vehicles.time < landing.until:
                 descending.append(row)
                 continue
@@ -232,8 +234,8 @@ class LandingManager:
             if landing.position is None and slow:
                 self._choose_position(row, landing, estimate)
             if landing.position is None:  # brake
-                draft.set(row, here, float(estimate.yaw[row]), self._scene.limits.speed)
-            elif slow and math.dist(landing.position, here[:2]) <= ARRIVAL_TOLERANCE:
+                draft.set(row, position, float(estimate.yaw[row]), self._scene.limits.speed)
+            elif slow and math.dist(landing.position, position[:2]) <= ARRIVAL_TOLERANCE:
                 ready.append(row)
             else:
                 goal = np.array([*landing.position, landing.height])
@@ -248,11 +250,11 @@ class LandingManager:
 
     def _choose_position(self, row: int, landing: _Landing, estimate: Estimate) -> None:
         """Set where an agent at rest lands: at its position, or the nearest free one."""
-        here = estimate.position[row]
+        position = estimate.position[row]
         low, high = self._scene.limits.height
-        landing.height = min(max(float(here[2]), low), high)
+        landing.height = min(max(float(position[2]), low), high)
         landing.position = self._nearest_free(row, estimate, landing.height)
-        way = math.dist(landing.position, here[:2])
+        way = math.dist(landing.position, position[:2])
         if way > 0:
             duration = timeout(way / self._scene.limits.speed, SETTLING_TIME)
             landing.until = self._vehicles.time + duration
@@ -277,8 +279,8 @@ class LandingManager:
                 self._observers.event("landing", text, name)
             return nearest
         self._observers.event("landing", f"{name} finds no free position to land at", name)
-        here: Array = start[:2]
-        return here
+        point: Array = start[:2]
+        return point
 
     def _taken(self, row: int, estimate: Estimate) -> tuple[Array, Array]:
         """Return what agents on the ground or below an agent, and their landings, take.
@@ -296,7 +298,9 @@ class LandingManager:
         others = ~flies | (lowest < position[row, 2])
         others[row] = False
         chosen = {
-            agent: one.position for agent, one in self._waiting.items() if one.position is not None
+            agent: landing.position
+            for agent, landing in self._waiting.items()
+            if landing.position is not None
         }
         others[list(chosen)] = False  # they land elsewhere
         others &= np.isfinite(position).all(axis=1)

@@ -78,10 +78,10 @@ class ReserveManager:
         self._low_since = np.where(low, np.fmin(self._low_since, time), np.nan)
         self._finish_climbs(time, health, draft)
         self._return(tick, draft)
-        wanted = self._wanted(time)
-        if not wanted:
+        slots = self._slots_to_fill(time)
+        if not slots:
             self._report_at = None
-        for slot in wanted:
+        for slot in slots:
             row = self._ready(tick.estimate, health)
             if row is None:
                 self._report_wait(slot, time, health)
@@ -109,15 +109,15 @@ class ReserveManager:
         why = shortlist(reasons) or "none is on the ground"
         self._report(f"waiting for a reserve to {aim}: {why}", None)
 
-    def _wanted(self, time: float) -> list[int]:
+    def _slots_to_fill(self, time: float) -> list[int]:
         """Return the slots that need a reserve and have none climbing, the most urgent first."""
         low = np.flatnonzero(time - self._low_since >= BATTERY_SAG_TIME).tolist()
         tired = [
             self._assignments.slot(row) for _, row in sorted((self._low_since[r], r) for r in low)
         ]
-        wanted = [*self._assignments.vacancies(), *(slot for slot in tired if slot is not None)]
+        slots = [*self._assignments.vacancies(), *(slot for slot in tired if slot is not None)]
         filled = {slot for slot, _ in self._climbing.values()}
-        return [slot for slot in wanted if slot not in filled]
+        return [slot for slot in slots if slot not in filled]
 
     def _ready(self, estimate: Estimate, health: Health) -> int | None:
         """Return the agent on the ground with the fullest battery that may take off, if any."""
@@ -189,9 +189,9 @@ class ReserveManager:
             if tick.health.phase[row] != AgentPhase.FLYING or self._rules.action[row]:
                 del self._returning[row]
                 continue
-            here = estimate.position[row]
-            goal = np.array([*self._pad[row, :2], here[2]])
-            way = float(np.hypot(*(here - goal)[:2]))
+            position = estimate.position[row]
+            goal = np.array([*self._pad[row, :2], position[2]])
+            way = float(np.hypot(*(position - goal)[:2]))
             late = until is not None and tick.time >= until
             if until is None:
                 self._returning[row] = tick.time + timeout(way / speed)

@@ -108,7 +108,7 @@ class Execution:
             "included_from": list(action.included_from),
             "verb": action.verb,
             "agents": [self.scene.agents[row].name for row in rows],
-            "rounds": [list(one) for one in rounds],
+            "rounds": [list(assigned) for assigned in rounds],
         }
 
 
@@ -174,7 +174,7 @@ class StepRun:
         output = TaskOutput()
         with ToleratingGuard(self.guard, self.shared.strikes):
             answer = self.task.step(tick.estimate, tick.health)
-            output = draft.add(answer, self.team.own, self.shared.tasks.trajectories)
+            output = draft.add(answer, self.team.members, self.shared.tasks.trajectories)
         for message in output.messages:
             text = f"{self.action.verb}: {message}"
             self.shared.report("task", text, self.action, self.team.rows, self.rounds)
@@ -197,9 +197,9 @@ class StepRun:
             if row in tick.disabled
         ]
         if tick.time > self.begun:  # otherwise they are about the previous step
-            for text, given in (("", tick.refusals), ("cannot get there: ", tick.unreachable)):
-                rows = (row for row in self.team.rows if row in given)
-                reasons += [f"{names[row]} {text}{given[row]}" for row in rows]
+            for text, by_row in (("", tick.refusals), ("cannot get there: ", tick.unreachable)):
+                rows = (row for row in self.team.rows if row in by_row)
+                reasons += [f"{names[row]} {text}{by_row[row]}" for row in rows]
         return self._listed(reasons)
 
     def _late(self, tick: TickContext, draft: Draft) -> str:
@@ -330,13 +330,13 @@ class TaskPool:
 
     def _add_trajectories(self, task: Task, guard: PluginGuard) -> None:
         with guard:
-            for given in getattr(task, "trajectories", ()):
-                if not isinstance(given, Trajectory):
+            for trajectory in getattr(task, "trajectories", ()):
+                if not isinstance(trajectory, Trajectory):
                     raise ContractError(
-                        f"trajectories has {type(given).__name__}, expected Trajectory"
+                        f"trajectories has {type(trajectory).__name__}, expected Trajectory"
                     )
-                if given not in self.trajectories:
-                    self.trajectories += (given,)
+                if trajectory not in self.trajectories:
+                    self.trajectories += (trajectory,)
 
     def make(self, action: Action, rows: tuple[int, ...]) -> Task:
         """Make a step's task for some of its agents."""

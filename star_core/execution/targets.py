@@ -30,7 +30,7 @@ class Targets:
         self._position = {tag.id: np.array(tag.position) for tag in scene.world.targets}
         first = {tag.of: np.array(tag.position) for tag in reversed(scene.world.targets)}
         self._first = [first[name] for name in self.names]
-        self._seen = np.zeros((len(self.names), len(scene.agents)), np.int64)
+        self._sightings = np.zeros((len(self.names), len(scene.agents)), np.int64)
         self._off = np.zeros((len(self.names), 3))  # m, sum of weighted errors
         self._weight = np.zeros(len(self.names))  # 1/m²
         self._when = np.full(len(self.names), np.nan)
@@ -50,10 +50,10 @@ class Targets:
             if target is None or not (0 < spread < np.inf):
                 continue
             agent = int(sightings.agent[k])
-            self._seen[target, agent] += 1
+            self._sightings[target, agent] += 1
             self._off[target] += (sightings.position[k] - self._position[tag]) / spread
             self._weight[target] += 1 / spread
-            if self.finder[target] < 0 and self._seen[target, agent] >= MIN_SIGHTINGS:
+            if self.finder[target] < 0 and self._sightings[target, agent] >= MIN_SIGHTINGS:
                 self.finder = self.finder.copy()
                 self.finder[target] = agent
                 self._when[target] = time

@@ -28,8 +28,8 @@ def load(path: Path | str, registry: Registry, assignments: Sequence[str] = ()) 
         PluginError: No installed format reads it.
     """
     path = Path(path)
-    found = format_of(path, registry)
-    mission: Mission = guarded("format", found, found.offer.load, path, registry, assignments)
+    plugin = format_of(path, registry)
+    mission: Mission = guarded("format", plugin, plugin.offer.load, path, registry, assignments)
     return mission
 
 
@@ -40,8 +40,8 @@ def check_file(
 
     The arguments and the errors are those of `load`.
     """
-    found = format_of(path, registry)
-    text, warnings = guarded("format", found, found.offer.check, path, registry, assignments)
+    plugin = format_of(path, registry)
+    text, warnings = guarded("format", plugin, plugin.offer.check, path, registry, assignments)
     return text, warnings
 
 
@@ -57,12 +57,12 @@ def read_as(path: Path, kind: str, registry: Registry) -> SourceFile:
         InputError: It cannot be read, is of another kind or does not fit the schema of its kind;
             lists every reason with its location.
     """
-    found = format_of(path, registry)
-    if found.offer.read is None:
+    plugin = format_of(path, registry)
+    if plugin.offer.read is None:
         noun = registry.find("file_kind", kind).offer.noun
-        text = f"{path}: format {found.offer.name!r} has no such file as {noun}"
+        text = f"{path}: format {plugin.offer.name!r} has no such file as {noun}"
         raise InputError(text, "wrong-file")
-    file: SourceFile = guarded("format", found, found.offer.read, path, kind, registry)
+    file: SourceFile = guarded("format", plugin, plugin.offer.read, path, kind, registry)
     return file
 
 
@@ -73,13 +73,13 @@ def format_of(path: Path, registry: Registry) -> Found:
         PluginError: There is neither.
     """
     formats = [registry.find("format", name) for name in registry.names("format")]
-    for found in formats:
-        recognizes = found.offer.recognizes
-        if recognizes is not None and guarded("format", found, recognizes, path):
-            return found
-    for found in formats:
-        if found.offer.recognizes is None:
-            return found
+    for plugin in formats:
+        recognizes = plugin.offer.recognizes
+        if recognizes is not None and guarded("format", plugin, recognizes, path):
+            return plugin
+    for plugin in formats:
+        if plugin.offer.recognizes is None:
+            return plugin
     raise PluginError(f"no installed format reads {str(path)!r}", "unknown-plugin")
 
 
@@ -95,6 +95,6 @@ def format_function(name: str, registry: Registry) -> Callable[..., Any]:
     """
     for spec in registry.offers()["format"].values():
         if (function := getattr(spec, name)) is not None:
-            found: Callable[..., Any] = function
-            return found
+            typed: Callable[..., Any] = function
+            return typed
     raise PluginError(f"no installed format has {name!r}", "unknown-plugin")

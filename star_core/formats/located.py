@@ -47,7 +47,7 @@ class Value:
     key: Mark
 
     @property
-    def place(self) -> str:
+    def begins_at(self) -> str:
         """Where the value begins: ``file:line:col``, from 1."""
         return str(self.mark)
 
@@ -175,7 +175,7 @@ class Document:
             value = child
             yield value
 
-    def place(self, path: Location, *, key: bool = False) -> str:
+    def location_text(self, path: Location, *, key: bool = False) -> str:
         """Return the location of a value: ``file:line:col``, or the assignment that set it."""
         return str(self.mark(path, key=key))
 
@@ -188,17 +188,19 @@ class Document:
     def located(self, problems: Iterable[Problem]) -> list[str]:
         """Return problems with their locations, in the order of the file."""
         return self.in_order(
-            self.problem(one.path, f"{'warning: ' * one.warning}{one.message}", one.code)
-            for one in problems
+            self.problem(
+                problem.path, f"{'warning: ' * problem.warning}{problem.message}", problem.code
+            )
+            for problem in problems
         )
 
     def in_order(self, problems: Iterable[str]) -> list[str]:
         """Return each problem once: those of this file by line and column, then the others."""
-        here = re.compile(rf"{re.escape(str(self.path))}:(\d+):(\d+): ")
+        location = re.compile(rf"{re.escape(str(self.path))}:(\d+):(\d+): ")
 
         def order(problem: str) -> tuple[bool, int, int]:
-            found = here.match(problem)
-            return (False, int(found[1]), int(found[2])) if found else (True, 0, 0)
+            match = location.match(problem)
+            return (False, int(match[1]), int(match[2])) if match else (True, 0, 0)
 
         return sorted(dict.fromkeys(problems), key=order)
 

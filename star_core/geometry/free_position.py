@@ -46,13 +46,13 @@ def free_position(
         >>> free_position(np.array([0.0, 0.0, 1.0]), world, np.zeros((1, 2)), 0.25).round(2)
         array([0.35, 0.  ])
     """
-    here, top = start[:2], float(start[2])
-    if is_free(here[None], world, taken, apart, top, margin)[0]:
-        return here
+    point, top = start[:2], float(start[2])
+    if is_free(point[None], world, taken, apart, top, margin)[0]:
+        return point
     for radius in np.arange(SEARCH_STEP, SEARCH_RADIUS, SEARCH_STEP):
         count = math.ceil(math.tau * radius / SEARCH_STEP)
         angle = np.linspace(0.0, math.tau, count, endpoint=False)
-        candidates = here + radius * np.column_stack([np.cos(angle), np.sin(angle)])
+        candidates = point + radius * np.column_stack([np.cos(angle), np.sin(angle)])
         free = is_free(candidates, world, taken, apart, top, margin, EXTRA_CLEARANCE)
         if accepts is not None:
             free[free] = accepts(candidates[free])

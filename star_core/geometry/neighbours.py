@@ -133,8 +133,8 @@ def _swept(  # noqa: C901, PLR0912 -- one loop over agents, strips and neighbors
                 first[count], second[slot] = i, j
                 count += 1
     for k in range(count):
-        one, other = order[first[k]], order[second[k]]
-        first[k], second[k] = min(one, other), max(one, other)
+        row, neighbor = order[first[k]], order[second[k]]
+        first[k], second[k] = min(row, neighbor), max(row, neighbor)
     return first[:count], second[:count]
 
 

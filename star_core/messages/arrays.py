@@ -133,7 +133,7 @@ class Table:
             raise RowCountError(type(self).__name__, self._counts(), self.PER)
 
     def _counts(self) -> dict[str, int]:
-        names = [*(one.name for one in self.COLUMNS if not one.per), *self.COUNTED]
+        names = [*(column.name for column in self.COLUMNS if not column.per), *self.COUNTED]
         values = {name: getattr(self, name) for name in names}
         return {name: _rows_of(values[name]) for name in names if values[name] is not None}
 
@@ -145,7 +145,7 @@ class Table:
 
 @cache  # tables are read-only
 def _none(cls: Any, n: int) -> Any:
-    return cls(*(np.zeros((n, *one.row), one.dtype) for one in cls.COLUMNS))
+    return cls(*(np.zeros((n, *column.row), column.dtype) for column in cls.COLUMNS))
 
 
 @dataclass_transform(frozen_default=True, field_specifiers=(column, counted, field))
@@ -160,8 +160,8 @@ def table(per: str = "agent", **options: bool) -> Callable[[type[AnyTable]], typ
     def decorated(cls: type[AnyTable]) -> type[AnyTable]:
         made: Any = dataclass(frozen=True, slots=True, **options)(cls)
         declared = fields(made)
-        made.COLUMNS = tuple(_column(one) for one in declared if "row" in one.metadata)
-        made.COUNTED = tuple(one.name for one in declared if "counted" in one.metadata)
+        made.COLUMNS = tuple(_column(item) for item in declared if "row" in item.metadata)
+        made.COUNTED = tuple(item.name for item in declared if "counted" in item.metadata)
         made.PER = per
         return cast("type[AnyTable]", made)
 

@@ -126,6 +126,6 @@ class Command(Table):
             end += np.column_stack([cos * x - sin * y, sin * x + cos * y, np.full(len(end), z)])
         return end
 
-    def _expect(self, name: str, given: Array, what: str, so: Mask) -> None:
+    def _expect(self, name: str, values: Array, what: str, so: Mask) -> None:
         if not so.all():
-            raise ContractError(f"Command.{name} is {given.tolist()!r}, expected {what}")
+            raise ContractError(f"Command.{name} is {values.tolist()!r}, expected {what}")

@@ -87,8 +87,8 @@ class Tick:
     @property
     def detections(self) -> Detections:
         """All tags detected in images: on board, and by the localizer."""
-        found = self.telemetry.detections
-        return found.merged((found, self.estimate.detections))
+        reported = self.telemetry.detections
+        return reported.merged((reported, self.estimate.detections))
 
 
 @dataclass(frozen=True, slots=True)

@@ -233,8 +233,8 @@ class Paths(Table):
 
     def changed(self, before: Self) -> Rows:
         """Return the rows of the agents whose paths differ from those of another table."""
-        one, two = (self.agent, self.point), (before.agent, before.point)
-        if all(map(np.array_equal, one, two)):
+        current, previous = (self.agent, self.point), (before.agent, before.point)
+        if all(map(np.array_equal, current, previous)):
             return np.zeros(0, np.int64)
         rows = np.union1d(self.agent, before.agent)
         same = [np.array_equal(self.of(row), before.of(row)) for row in rows.tolist()]

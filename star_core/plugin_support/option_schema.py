@@ -96,8 +96,10 @@ def held(offer: TaskSpec, given: Mapping[str, Any]) -> tuple[tuple[str, Any], ..
     exclusive = offer.exclusive
     if exclusive is None or exclusive.unless in given:
         return ()
-    known = offer.options.get("properties", {})
-    return tuple((name, given.get(name, known[name].get("default"))) for name in exclusive.options)
+    properties = offer.options.get("properties", {})
+    return tuple(
+        (name, given.get(name, properties[name].get("default"))) for name in exclusive.options
+    )
 
 
 def fill_defaults(
@@ -167,11 +169,11 @@ def _has_target(reference: str, schema: Any) -> bool:
     """Return whether a JSON pointer (``#/$defs/point``) has a target in a schema."""
     start, *names = unquote(reference).split("/")
     for name in names:
-        found = name.replace("~1", "/").replace("~0", "~")
-        if isinstance(schema, list) and found.isdecimal() and int(found) < len(schema):
-            schema = schema[int(found)]
-        elif isinstance(schema, dict) and found in schema:
-            schema = schema[found]
+        token = name.replace("~1", "/").replace("~0", "~")
+        if isinstance(schema, list) and token.isdecimal() and int(token) < len(schema):
+            schema = schema[int(token)]
+        elif isinstance(schema, dict) and token in schema:
+            schema = schema[token]
         else:
             return False
     return start == "#"

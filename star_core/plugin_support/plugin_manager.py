@@ -79,7 +79,7 @@ class PluginManager(pluggy.PluginManager):
 
     def implementing(self, hook: str) -> set[str]:
         """Return the names of the plugins that implement a hook."""
-        return {one.plugin_name for one in getattr(self.hook, hook).get_hookimpls()}
+        return {impl.plugin_name for impl in getattr(self.hook, hook).get_hookimpls()}
 
     def add_hook(self, name: str, specification: Callable[..., object]) -> None:
         """Add a hook, unless there is one of that name."""
@@ -95,12 +95,16 @@ class PluginManager(pluggy.PluginManager):
         hooks = vars(self.hook)
         arguments = {name: hook.spec.argnames for name, hook in hooks.items() if hook.spec}
         for name, hook in hooks.items():
-            for one in hook.get_hookimpls():
-                unknown = [each for each in one.argnames if each not in arguments.get(name, ())]
+            for impl in hook.get_hookimpls():
+                unknown = [
+                    argument
+                    for argument in impl.argnames
+                    if argument not in arguments.get(name, ())
+                ]
                 if name in arguments and unknown:
-                    yield one.plugin_name, f"hook {name} has no argument {', '.join(unknown)}"
-                elif name not in arguments and not one.optionalhook:
-                    yield one.plugin_name, f"no hook named {name!r}{suggestion(name, arguments)}"
+                    yield impl.plugin_name, f"hook {name} has no argument {', '.join(unknown)}"
+                elif name not in arguments and not impl.optionalhook:
+                    yield impl.plugin_name, f"no hook named {name!r}{suggestion(name, arguments)}"
 
     def _guarded(self, plugin: str, hook: str, function: Callable[..., Any]) -> Callable[..., Any]:
         @wraps(function)
@@ -129,7 +133,7 @@ class PluginManager(pluggy.PluginManager):
                         inner.send(result)
                     except StopIteration as end:
                         if isinstance(result, list):
-                            return [self._checked(plugin, hook, own) for own in end.value]
+                            return [self._checked(plugin, hook, records) for records in end.value]
                         return end.value
                     raise RuntimeError("a wrapper of a hook yields once")
             return result

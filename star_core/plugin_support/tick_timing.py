@@ -63,7 +63,7 @@ class TickTiming:
             self._unreported += 1
             return ""
         others, self._unreported, self._reported = self._unreported, 0, now
-        largest = sorted(spent.items(), key=lambda one: -one[1])[:REPORTED_KINDS]
+        largest = sorted(spent.items(), key=lambda item: -item[1])[:REPORTED_KINDS]
         causes = [
             f"the {LABELS.get(kind, kind)} took {seconds:.3f} s"
             for kind, seconds in largest

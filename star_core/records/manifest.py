@@ -52,10 +52,10 @@ def packages() -> dict[str, str]:
     """Versions of this project and of what it is built on."""
     needed = (line for line in requires(DISTRIBUTION) or () if "extra ==" not in line)
     names = [DISTRIBUTION, *(re.split(r"[ <>=~!;\[]", line)[0] for line in needed)]
-    found = {}
+    versions = {}
     for name in names:
         try:
-            found[name] = version(name)
+            versions[name] = version(name)
         except PackageNotFoundError:
             continue
-    return found
+    return versions

@@ -31,14 +31,14 @@ class PlannedPaths:
 
     def current(self, agent: int, times: Array) -> Rows:
         """Return (M,) the numbers of an agent's paths at (M,) mission times, s; -1: none."""
-        own = np.flatnonzero(self.agent == agent)
-        numbers: Rows = np.append(-1, own)[np.searchsorted(self.time[own], times, side="right")]
+        rows = np.flatnonzero(self.agent == agent)
+        numbers: Rows = np.append(-1, rows)[np.searchsorted(self.time[rows], times, side="right")]
         exists = np.isfinite(np.append(self.point[:, 0], np.nan))[numbers]  # the last: of -1
         return np.where(exists, numbers, -1)
 
     def points(self, number: int) -> Array:
         """Return the points of a path, (K, 3) m."""
         begin = int(np.searchsorted(self.time, self.time[number]))
-        own = self.agent[begin : number + 1] == self.agent[number]
-        points: Array = self.point[begin : number + 1][own]
+        of_agent = self.agent[begin : number + 1] == self.agent[number]
+        points: Array = self.point[begin : number + 1][of_agent]
         return points

@@ -158,8 +158,8 @@ def _read(folder: Path) -> Run:
     check_json(summary, SUMMARY, "summary.json")
     arrays = read_arrays(folder / "trajectory.npz")
     timing = read_arrays(file) if (file := folder / "timing.npz").exists() else {}
-    found = read_arrays(file) if (file := folder / "detections.npz").exists() else None
-    detections = Detections.none() if found is None else Detections(**found)
+    tag_columns = read_arrays(file) if (file := folder / "detections.npz").exists() else None
+    detections = Detections.none() if tag_columns is None else Detections(**tag_columns)
     planned = read_arrays(file) if (file := folder / "paths.npz").exists() else None
     paths = PlannedPaths.none() if planned is None else PlannedPaths(**planned)
     names = tuple(str(name) for name in arrays.pop("agents"))

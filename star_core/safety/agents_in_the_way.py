@@ -180,8 +180,8 @@ class UnheardAgents:
         if every(heard) and every(estimate.valid) and every(finite):
             self._velocity, self._astray = estimate.velocity, ~heard
             return estimate
-        known = heard & estimate.valid & finite.all(axis=1)
-        self._velocity = np.where(known[:, None], estimate.velocity, self._velocity)
+        usable = heard & estimate.valid & finite.all(axis=1)
+        self._velocity = np.where(usable[:, None], estimate.velocity, self._velocity)
         self._astray = heard & ~estimate.valid & (airborne | self._astray)
         if every(heard) and not some(self._astray):
             return estimate

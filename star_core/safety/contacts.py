@@ -103,7 +103,7 @@ class Contacts:
             tick: Of the flight.
             near: Pairs of agents within `reach`, at least, by the positions that are used.
         """
-        known = tick.estimate if tick.truth is None else tick.truth
+        state = tick.estimate if tick.truth is None else tick.truth
         airborne = among(tick.health.phase, *AIRBORNE)
         self._time = tick.time
         self._source = "estimate" if tick.truth is None else "ground_truth"
@@ -114,14 +114,18 @@ class Contacts:
             events.append(Event(tick.time, "no_truth", NO_TRUTH))
         return [
             *events,
-            *self._between_agents(near, known.position, known.velocity, airborne),
-            *self._with_obstacles(known.position, known.velocity),
+            *self._between_agents(near, state.position, state.velocity, airborne),
+            *self._with_obstacles(state.position, state.velocity),
         ]
 
     def finish(self) -> list[Event]:
         """Return the close approaches that are not over when the flight ends."""
         open_ones, self._approaches = self._approaches, {}
-        return [self._over(pair, one) for pair, one in open_ones.items() if not one.collided]
+        return [
+            self._over(pair, approach)
+            for pair, approach in open_ones.items()
+            if not approach.collided
+        ]
 
     def collisions(self) -> str:
         """Return the number of collisions, in words; empty if there are none."""
@@ -173,24 +177,26 @@ class Contacts:
             a, b = pair
             if away < self._limit and (airborne[a] or airborne[b]):
                 self._approaches.setdefault(pair, _Approach())
-            if (one := self._approaches.get(pair)) is None:
+            if (approach := self._approaches.get(pair)) is None:
                 continue
-            one.collided |= pair in touching
-            if away < one.closest:
-                one.closest, one.time = away, self._time
-                one.distance = math.dist(position[a], position[b])
-                one.position = (position[a] + position[b]) / 2
+            approach.collided |= pair in touching
+            if away < approach.closest:
+                approach.closest, approach.time = away, self._time
+                approach.distance = math.dist(position[a], position[b])
+                approach.position = (position[a] + position[b]) / 2
         parted = [
             pair for pair in self._approaches if near.get(pair, np.inf) > self._limit + HYSTERESIS
         ]
         over = [(pair, self._approaches.pop(pair)) for pair in parted]
-        return [self._over(pair, one) for pair, one in over if not one.collided]
+        return [self._over(pair, approach) for pair, approach in over if not approach.collided]
 
     def _with_obstacles(self, position: Array, velocity: Array) -> list[Event]:
         """Compare (N, 3) positions, m, with the obstacles."""
         if not self._obstacles:
             return []
-        clearances = np.array([one.distances(position) for one in self._obstacles])  # (K, N)
+        clearances = np.array(
+            [obstacle.distances(position) for obstacle in self._obstacles]
+        )  # (K, N)
         clearances[~np.isfinite(clearances)] = np.inf  # an unknown position touches nothing
         clearance = clearances.min(axis=0)
         hitting = clearance < CONTACT_RADIUS
@@ -221,18 +227,18 @@ class Contacts:
         text = f"{what} collided at {_point(position)}{fast}{self._source_note()}"
         return Event(self._time, "collision", text, details=details)
 
-    def _over(self, pair: tuple[int, int], one: _Approach) -> Event:
+    def _over(self, pair: tuple[int, int], approach: _Approach) -> Event:
         names = [self._names[row] for row in pair]
         details = {
             "agents": names,
-            "time_s": one.time,
-            "position_m": one.position.tolist(),
-            "distance_m": one.distance,
+            "time_s": approach.time,
+            "position_m": approach.position.tolist(),
+            "distance_m": approach.distance,
             "from": self._source,
         }
         text = (
-            f"{names[0]} and {names[1]} came within {one.distance:.2f} m of each other at "
-            f"{one.time:.2f} s, closer than limits.separation ({self._limit:g} m) and "
+            f"{names[0]} and {names[1]} came within {approach.distance:.2f} m of each other at "
+            f"{approach.time:.2f} s, closer than limits.separation ({self._limit:g} m) and "
             f"vertical_separation ({self._vertical:g} m) permit"
             f"{self._source_note()}"
         )

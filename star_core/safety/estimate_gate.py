@@ -240,9 +240,9 @@ class EstimateGate:
         velocity = np.full((len(self._range), 3), np.nan) if reported is None else reported
         velocity = self._frames.turn(velocity)
         speed = np.linalg.norm(velocity, axis=1)
-        known = np.isfinite(speed)
-        self._flown = self._flown + seconds * np.where(known[:, None], velocity, 0.0)
-        error = np.where(known & self._rejected, REPORT_ERROR * speed, self._speed)
+        finite = np.isfinite(speed)
+        self._flown = self._flown + seconds * np.where(finite[:, None], velocity, 0.0)
+        error = np.where(finite & self._rejected, REPORT_ERROR * speed, self._speed)
         self._range = self._range + seconds * error
 
     def _stuck(self, estimate: Estimate, airborne: Mask, reported: Array | None) -> Mask:
@@ -267,8 +267,8 @@ class EstimateGate:
         self._position = np.where(column, estimate.position, self._position)
         self._covariance = np.where(column[..., None], estimate.covariance, self._covariance)
         self._frames = estimate.map_from_odom.where(accepted, self._frames)
-        known = np.where(np.isfinite(unexplained), unexplained, 0.0)
-        self._unexplained = np.where(accepted, known, self._unexplained)
+        finite = np.where(np.isfinite(unexplained), unexplained, 0.0)
+        self._unexplained = np.where(accepted, finite, self._unexplained)
 
 
 def _nothing() -> tuple[Any, ...]:
@@ -389,10 +389,10 @@ def accept_all(  # noqa: C901, PLR0912, PLR0913, PLR0915, PLR0917 -- the gate's 
         if airborne[row] and valid[row] and implausible:
             return False
     for row in range(n):
-        known = heard[row]
+        is_heard = heard[row]
         for axis in range(3):
             last_position[row, axis] = position[row, axis]
-            last_velocity[row, axis] = velocity[row, axis] if known else math.nan
+            last_velocity[row, axis] = velocity[row, axis] if is_heard else math.nan
         squares = last_velocity[row, 0] + last_velocity[row, 1] + last_velocity[row, 2]
         reports[row] = reports[row] or math.isfinite(squares)
         still_path[row] = paths[row]
@@ -405,7 +405,7 @@ def accept_all(  # noqa: C901, PLR0912, PLR0913, PLR0915, PLR0917 -- the gate's 
         accepted_at[row], reach[row] = time, 0.0
         keeps = airborne[row] and math.isfinite(carried[row])
         unexplained[row] = carried[row] if keeps else 0.0
-        above[row] = position[row, 2] - height[row, 2] if known else math.nan
+        above[row] = position[row, 2] - height[row, 2] if is_heard else math.nan
         for axis in range(3):
             flown[row, axis] = 0.0
             accepted[row, axis] = position[row, axis]

@@ -73,7 +73,7 @@ class SafetyFilter:
         self._warm_up(len(scene.agents))
 
     def filter(
-        self, estimate: Estimate, safe: Setpoint, wanted: Setpoint, near: Pairs
+        self, estimate: Estimate, safe: Setpoint, planned: Setpoint, near: Pairs
     ) -> tuple[Setpoint, Corrected]:
         """Return the setpoint to send, and the agents whose setpoints were changed.
 
@@ -81,16 +81,16 @@ class SafetyFilter:
             estimate: Of the agents' positions.
             safe: The avoider's setpoint. Its inactive rows get zero velocity; without a setpoint
                 the drone would fall.
-            wanted: Its active rows are sent.
+            planned: Its active rows are sent.
             near: Pairs of agents within `reach`, at least.
         """
-        seen, extended = with_possible_positions(estimate, wanted)
-        if seen is estimate:
-            return self._filter(estimate, safe, wanted, near)
+        extended_estimate, extended = with_possible_positions(estimate, planned)
+        if extended_estimate is estimate:
+            return self._filter(estimate, safe, planned, near)
         _, answered = with_possible_positions(estimate, safe)
-        near = Pairs.of(seen.position, self.reach)
-        sent, changed = self._filter(seen, answered, extended, near)
-        n = len(wanted.yaw)
+        near = Pairs.of(extended_estimate.position, self.reach)
+        sent, changed = self._filter(extended_estimate, answered, extended, near)
+        n = len(planned.yaw)
         return (
             Setpoint(sent.velocity[:n], sent.yaw[:n], sent.active[:n]),
             Corrected(
@@ -99,24 +99,24 @@ class SafetyFilter:
         )
 
     def _filter(
-        self, estimate: Estimate, safe: Setpoint, wanted: Setpoint, near: Pairs
+        self, estimate: Estimate, safe: Setpoint, planned: Setpoint, near: Pairs
     ) -> tuple[Setpoint, Corrected]:
         """Filter tables that list every position at which an agent may be."""
-        active = wanted.active
+        active = planned.active
         if not every(np.isfinite(estimate.velocity)):  # treated as stationary
-            known = np.nan_to_num(estimate.velocity, posinf=0.0, neginf=0.0)
-            estimate = replace(estimate, velocity=known)
-        given = safe.active & active
-        asked = np.where(given[:, None], safe.velocity, 0.0)
-        slowed = self._slowed(asked)
+            velocity = np.nan_to_num(estimate.velocity, posinf=0.0, neginf=0.0)
+            estimate = replace(estimate, velocity=velocity)
+        commanded = safe.active & active
+        requested = np.where(commanded[:, None], safe.velocity, 0.0)
+        slowed = self._slowed(requested)
         margin = position_margin(estimate.covariance, self._uncertainty_margin, WALL_RADIUS)
         beside = self._beside_walls(slowed, estimate, active, margin)
         inside, apart = self._limited(beside, estimate, active, near)
-        yaw = np.where(given, safe.yaw, wanted.yaw)
+        yaw = np.where(commanded, safe.yaw, planned.yaw)
         sent = Setpoint(frozen(apart), frozen(yaw), active)
         return sent, Corrected(
             fence=_differ(inside, beside) & active,
-            speed=_differ(slowed, asked) & active,
+            speed=_differ(slowed, requested) & active,
             separation=_differ(apart, inside) & active,
             obstacle=_differ(beside, slowed) & active,
         )
@@ -170,11 +170,11 @@ class SafetyFilter:
     def _warm_up(self, agents: int) -> None:
         """Compile the kernels, or load them from disk, before the flight."""
         two, level, both = np.zeros((2, 3)), np.zeros(2), np.ones(2, np.bool_)
-        frames, wanted = Transform(level, two), Setpoint(two, level, both)
-        here = Estimate(0.0, two, two, level, np.zeros((2, 3, 3)), both, frames)
-        self.filter(here, wanted, wanted, Pairs.of(two, self.reach))
+        frames, setpoint = Transform(level, two), Setpoint(two, level, both)
+        estimate = Estimate(0.0, two, two, level, np.zeros((2, 3, 3)), both, frames)
+        self.filter(estimate, setpoint, setpoint, Pairs.of(two, self.reach))
         if self._uncertainty_margin:
-            self._beside_walls(two.copy(), here, both, both.astype(np.float64))
+            self._beside_walls(two.copy(), estimate, both, both.astype(np.float64))
         warm_up(agents)
 
     def _slowed(self, velocity: Array) -> Array:
@@ -186,11 +186,11 @@ class SafetyFilter:
         return slowed
 
 
-def _differ(one: Array, other: Array) -> Mask:
+def _differ(first: Array, second: Array) -> Mask:
     """Return which rows differ by more than `MIN_CORRECTION`: (N,)."""
-    if one is other or not np.count_nonzero(one != other):
-        return np.zeros(len(one), np.bool_)
-    differ: Mask = np.abs(one - other).max(axis=1, initial=0.0) > MIN_CORRECTION
+    if first is second or not np.count_nonzero(first != second):
+        return np.zeros(len(first), np.bool_)
+    differ: Mask = np.abs(first - second).max(axis=1, initial=0.0) > MIN_CORRECTION
     return differ
 
 
@@ -252,13 +252,13 @@ def limit_velocities(  # noqa: C901, PLR0913, PLR0917 -- numba takes plain argum
     direction, allowed = np.empty((len(first), 3)), np.empty(len(first))
     flat = separation / vertical_separation
     for pair in range(len(first)):
-        one, two = first[pair], second[pair]
-        steered = int(active[one]) + int(active[two])
-        room, approach = direct(direction, pair, one, two, position, flown, separation, flat)
-        wide = separation + margin[one] + margin[two]
+        agent, other = first[pair], second[pair]
+        steered = int(active[agent]) + int(active[other])
+        room, approach = direct(direction, pair, agent, other, position, flown, separation, flat)
+        wide = separation + margin[agent] + margin[other]
         if wide > separation and room > 0.0:
             least, flatter = YIELDING * room, wide / vertical_separation
-            room, approach = direct(direction, pair, one, two, position, flown, wide, flatter)
+            room, approach = direct(direction, pair, agent, other, position, flown, wide, flatter)
             room = max(room, least)
         most = approach_speed(room, approach, brakes * max(1, steered), period)
         allowed[pair] = most if steered > 0 else math.inf
@@ -302,22 +302,22 @@ def corrections(
         times[row] = 0.0
         for axis in range(3):
             change[row, axis] = 0.0
-    found = False
+    has_corrections = False
     for pair in range(len(first)):
-        one, two = first[pair], second[pair]
+        agent, other = first[pair], second[pair]
         approach = 0.0
         for axis in range(3):
-            approach += direction[pair, axis] * (velocity[two, axis] - velocity[one, axis])
+            approach += direction[pair, axis] * (velocity[other, axis] - velocity[agent, axis])
         excess = approach - allowed[pair]
         if excess > TOLERANCE:
-            found = True
-            times[one] += 1.0
-            times[two] += 1.0
-            share = excess / (int(active[one]) + int(active[two]))
+            has_corrections = True
+            times[agent] += 1.0
+            times[other] += 1.0
+            share = excess / (int(active[agent]) + int(active[other]))
             for axis in range(3):
-                change[one, axis] += share * direction[pair, axis]
-                change[two, axis] -= share * direction[pair, axis]
-    return found
+                change[agent, axis] += share * direction[pair, axis]
+                change[other, axis] -= share * direction[pair, axis]
+    return has_corrections
 
 
 @subroutine
@@ -332,8 +332,8 @@ def add_correction(velocity: Array, change: Array, times: Array, row: int, speed
 def direct(
     direction: Array,
     pair: int,
-    one: int,
-    two: int,
+    agent: int,
+    other: int,
     position: Array,
     flown: Array,
     separation: float,
@@ -341,16 +341,16 @@ def direct(
 ) -> tuple[float, float]:
     """Fill in the unit vector that leads out of an ellipsoid; return room and closing speed.
 
-    With heights multiplied by `flat` the ellipsoid around agent `two` is a sphere, and the room of
-    agent `one` outside of it is a difference of distances. The direction is the gradient of that
+    With heights multiplied by `flat` the ellipsoid around `other` is a sphere, and the room of
+    `agent` outside of it is a difference of distances. The direction is the gradient of that
     distance, and the room is divided by the length of the gradient, so both are in metres of the
     map. Two agents at the same position are taken to be side by side along x.
 
     Args:
         direction: (P, 3) output: row `pair` is filled in.
         pair: Row.
-        one: Row of one agent.
-        two: Row of the other.
+        agent: Row of one agent.
+        other: Row of the other.
         position: (N, 3) m.
         flown: (N, 3) current velocities, m/s.
         separation: Horizontal semi-axes of the ellipsoid, m.
@@ -359,7 +359,7 @@ def direct(
     squared, steep, approach = 0.0, 0.0, 0.0
     for axis in range(3):
         scale = flat if axis == 2 else 1.0  # noqa: PLR2004 -- z
-        offset = scale * (position[one, axis] - position[two, axis])
+        offset = scale * (position[agent, axis] - position[other, axis])
         direction[pair, axis] = scale * offset
         squared += offset * offset
         steep += direction[pair, axis] * direction[pair, axis]
@@ -367,7 +367,7 @@ def direct(
         direction[pair, 0] = steep = 1.0
     for axis in range(3):
         direction[pair, axis] /= math.sqrt(steep)
-        approach += direction[pair, axis] * (flown[two, axis] - flown[one, axis])
+        approach += direction[pair, axis] * (flown[other, axis] - flown[agent, axis])
     distance = math.sqrt(squared)
     gradient = math.sqrt(steep) / distance if distance > 0.0 else 1.0
     return (distance - separation) / gradient, approach
@@ -389,8 +389,8 @@ def bound(
     An agent that leaves the fence fast, as in a fall, returns within the greatest speed too.
     """
     for axis in range(3):
-        here, fast = position[row, axis], flown[row, axis]
-        up = approach_speed(fence[1, axis] - here, fast, brakes, period)
-        down = approach_speed(here - fence[0, axis], -fast, brakes, period)
+        coordinate, fast = position[row, axis], flown[row, axis]
+        up = approach_speed(fence[1, axis] - coordinate, fast, brakes, period)
+        down = approach_speed(coordinate - fence[0, axis], -fast, brakes, period)
         velocity[row, axis] = min(max(velocity[row, axis], min(-down, up)), max(up, -down))
     slow_down(velocity, row, speed)

@@ -143,9 +143,9 @@ class MotionCheck:
             (N, 3) differences of the positions, m, and (N, 3) of the velocities, m/s, in the
             odometry frames; zero for other agents.
         """
-        found = np.where(self._contradicted[:, None], self._errors, 0.0)
+        contradicted = np.where(self._contradicted[:, None], self._errors, 0.0)
         level = np.zeros((len(self._learnt), 1))
-        return np.hstack([found[2], level]), np.hstack([found[0], level])
+        return np.hstack([contradicted[2], level]), np.hstack([contradicted[0], level])
 
 
 @compiled

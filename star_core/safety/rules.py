@@ -115,5 +115,5 @@ class Rules:
         low = (phase == AgentPhase.FLYING) & (estimate.position[:, 2] < self._floor)
         sunk = ~fallen & low & estimate.valid & (health.age <= MAX_REPORT_AGE)
         tumbled, lies = "tumbled, crashed, locked or rebooted", "sank to the floor"
-        reasons = [lies if one else tumbled for one in sunk]
+        reasons = [lies if is_sunk else tumbled for is_sunk in sunk]
         return fallen | sunk, np.where(sunk, SUNK_TIME, 0.0), reasons

@@ -78,7 +78,7 @@ class SetpointMonitor:
 
     def check(self, state: TickState) -> Iterator[Use | Strike]:
         """Yield the avoider's setpoint, drawn in from the fence, and what is wrong, by plugin."""
-        estimate, goals, avoided, wanted = (
+        estimate, goals, avoided, planned = (
             state.estimate,
             state.goals,
             state.setpoint,
@@ -86,16 +86,16 @@ class SetpointMonitor:
         )
         if some(state.redirected):  # the core stops them on their way to their goals
             goals = replace(goals, active=goals.active & ~state.redirected)
-        if self._quiet(estimate.position, estimate.velocity, goals, avoided, wanted):
+        if self._quiet(estimate.position, estimate.velocity, goals, avoided, planned):
             return
-        drawn_in, outward = self.press.draw_in(estimate, avoided, wanted)
+        drawn_in, outward = self.press.draw_in(estimate, avoided, planned)
         if drawn_in is not avoided:
             yield Use("setpoint", drawn_in)
-        for kind, reason in self.repeated.find(estimate, goals, avoided, wanted, outward).items():
+        for kind, reason in self.repeated.find(estimate, goals, avoided, planned, outward).items():
             yield Strike(kind, reason)
 
     def _quiet(
-        self, position: Array, flown: Array, goals: Goals, avoided: Setpoint, wanted: Setpoint
+        self, position: Array, flown: Array, goals: Goals, avoided: Setpoint, planned: Setpoint
     ) -> bool:
         press, repeated = self.press, self.repeated
         return nothing_wrong(
@@ -105,8 +105,8 @@ class SetpointMonitor:
             goals.velocity,
             goals.active,
             avoided.velocity,
-            wanted.velocity,
-            wanted.active,
+            planned.velocity,
+            planned.active,
             self._fence,
             self._period,
             press.pressed,
@@ -125,7 +125,7 @@ def nothing_wrong(  # noqa: C901, PLR0912, PLR0913, PLR0915, PLR0917 -- one pass
     goal_velocity: Array,
     has_goal: Mask,
     avoided: Array,
-    wanted: Array,
+    planned: Array,
     steered: Mask,
     fence: Array,
     period: float,
@@ -144,7 +144,7 @@ def nothing_wrong(  # noqa: C901, PLR0912, PLR0913, PLR0915, PLR0917 -- one pass
         goal_velocity: (N, 3) m/s.
         has_goal: (N,) agents with a goal.
         avoided: (N, 3) the avoider's velocities, m/s.
-        wanted: (N, 3) the planner's, m/s.
+        planned: (N, 3) the planner's, m/s.
         steered: (N,) agents that setpoints fly.
         fence: (2, 3) its lowest and its highest corner, m.
         period: Of the ticks, s.
@@ -171,8 +171,8 @@ def nothing_wrong(  # noqa: C901, PLR0912, PLR0913, PLR0915, PLR0917 -- one pass
         if steered[row] and not frozen_avoided[row]:
             repeated = False
     for row in range(n):
-        same_wanted, same_position, same_goal, rests, moves = True, True, True, True, False
-        outward, avoided_out, wanted_out = False, False, False
+        same_planned, same_position, same_goal, rests, moves = True, True, True, True, False
+        outward, avoided_out, planned_out = False, False, False
         ignored = away = 0.0
         for axis in range(3):
             fast = flown[row, axis]
@@ -185,14 +185,14 @@ def nothing_wrong(  # noqa: C901, PLR0912, PLR0913, PLR0915, PLR0917 -- one pass
             most = max(most, -RETURN_SPEED) + MIN_CORRECTION
             least = BRAKING_GAIN * (fence[0, axis] - ahead)
             least = min(least, RETURN_SPEED) - MIN_CORRECTION
-            by_avoider, by_planner = avoided[row, axis], wanted[row, axis]
+            by_avoider, by_planner = avoided[row, axis], planned[row, axis]
             outward = outward or by_avoider > most or by_avoider < least
             outward = outward or by_planner > most or by_planner < least
             most = max(most, MIN_CORRECTION)
             least = min(least, -MIN_CORRECTION)
             avoided_out = avoided_out or by_avoider > most or by_avoider < least
-            wanted_out = wanted_out or by_planner > most or by_planner < least
-            same_wanted = same_wanted and by_planner == before[1, row, axis]
+            planned_out = planned_out or by_planner > most or by_planner < least
+            same_planned = same_planned and by_planner == before[1, row, axis]
             same_position = same_position and position[row, axis] == before[2, row, axis]
             same_goal = same_goal and goal[row, axis] == before[3, row, axis]
             rests = rests and goal_velocity[row, axis] == 0.0
@@ -203,14 +203,14 @@ def nothing_wrong(  # noqa: C901, PLR0912, PLR0913, PLR0915, PLR0917 -- one pass
             away += way * way
         distance = math.sqrt(away)
         close[row] = (
-            same_wanted and same_goal and has_goal[row] and rests
+            same_planned and same_goal and has_goal[row] and rests
             and (near[row] or distance < ARRIVAL)
         )  # fmt: skip
         repeats = (
             math.sqrt(ignored) > MIN_CHANGE and moves and repeated,
             close[row] and distance > ARRIVAL,
-            frozen_avoided[row] and not same_wanted and avoided_out and not same_position,
-            same_wanted and wanted_out and not same_position,
+            frozen_avoided[row] and not same_planned and avoided_out and not same_position,
+            same_planned and planned_out and not same_position,
         )
         press[row] = pressed[row] + period if outward and steered[row] else 0.0
         for check in range(4):
@@ -225,8 +225,8 @@ def nothing_wrong(  # noqa: C901, PLR0912, PLR0913, PLR0915, PLR0917 -- one pass
             lasted[check, row] = last[check, row]
         for axis in range(3):
             if not frozen_avoided[row]:
-                begun[row, axis] = wanted[row, axis]
-            before[0, row, axis], before[1, row, axis] = avoided[row, axis], wanted[row, axis]
+                begun[row, axis] = planned[row, axis]
+            before[0, row, axis], before[1, row, axis] = avoided[row, axis], planned[row, axis]
             before[2, row, axis], before[3, row, axis] = position[row, axis], goal[row, axis]
     return True
 
@@ -252,14 +252,14 @@ class FencePress:
         self.pressed = np.zeros(n)  # s
 
     def draw_in(
-        self, estimate: Estimate, avoided: Setpoint, wanted: Setpoint
+        self, estimate: Estimate, avoided: Setpoint, planned: Setpoint
     ) -> tuple[Setpoint, Mask]:
         """Return the setpoint, with agents that press against the fence led away from it.
 
         Args:
             estimate: Of the agents' positions.
             avoided: The avoider's setpoint.
-            wanted: The planner's.
+            planned: The planner's.
 
         Returns:
             The setpoint, and whether the velocities of avoider and planner lead out of the fence:
@@ -276,11 +276,11 @@ class FencePress:
         up = np.maximum(BRAKING_GAIN * (high - ahead), -RETURN_SPEED)
         down = np.minimum(BRAKING_GAIN * (low - ahead), RETURN_SPEED)
         most, least = up + MIN_CORRECTION, down - MIN_CORRECTION
-        velocity = np.array([avoided.velocity, wanted.velocity])
+        velocity = np.array([avoided.velocity, planned.velocity])
         outward = (velocity > most) | (velocity < least)
         beyond = np.maximum(most, MIN_CORRECTION), np.minimum(least, -MIN_CORRECTION)
         leads_out: Mask = ((velocity > beyond[0]) | (velocity < beyond[1])).any(axis=2)
-        presses = outward.any(axis=(0, 2)) & wanted.active
+        presses = outward.any(axis=(0, 2)) & planned.active
         self.pressed = np.where(presses, self.pressed + self._period, 0.0)
         drawn &= presses
         if not some(drawn):
@@ -316,7 +316,7 @@ class RepeatedSetpoints:
         self.near = np.zeros(n, np.bool_)  # since the planner's were
 
     def find(
-        self, estimate: Estimate, goals: Goals, avoided: Setpoint, wanted: Setpoint, outward: Mask
+        self, estimate: Estimate, goals: Goals, avoided: Setpoint, planned: Setpoint, outward: Mask
     ) -> dict[str, str]:
         """Return what is wrong with avoider or planner, by its kind.
 
@@ -324,26 +324,26 @@ class RepeatedSetpoints:
             estimate: Of the agents' positions.
             goals: The tasks'.
             avoided: The avoider's setpoint.
-            wanted: The planner's.
+            planned: The planner's.
             outward: (2, N) whether the velocities of avoider and planner lead out of the fence.
         """
-        now = np.array([avoided.velocity, wanted.velocity, estimate.position, goals.position])
-        same_avoided, same_wanted, same_position, same_goal = (now == self.before).all(axis=2)
+        now = np.array([avoided.velocity, planned.velocity, estimate.position, goals.position])
+        same_avoided, same_planned, same_position, same_goal = (now == self.before).all(axis=2)
         self.before = now
-        self.begun = np.where(same_avoided[:, None], self.begun, wanted.velocity)
-        ignored = _length(wanted.velocity - self.begun) > MIN_CHANGE
+        self.begun = np.where(same_avoided[:, None], self.begun, planned.velocity)
+        ignored = _length(planned.velocity - self.begun) > MIN_CHANGE
         distance = _length(goals.position - estimate.position)
         at_rest = same_goal & goals.active & ~goals.velocity.any(axis=1)
-        self.near = same_wanted & at_rest & (self.near | (distance < ARRIVAL))
+        self.near = same_planned & at_rest & (self.near | (distance < ARRIVAL))
         repeats: Mask = np.array(
             [
-                ignored & now[0].any(axis=1) & bool(same_avoided[wanted.active].all()),
+                ignored & now[0].any(axis=1) & bool(same_avoided[planned.active].all()),
                 self.near & (distance > ARRIVAL),
-                same_avoided & ~same_wanted & outward[0] & ~same_position,
-                same_wanted & outward[1] & ~same_position,
+                same_avoided & ~same_planned & outward[0] & ~same_position,
+                same_planned & outward[1] & ~same_position,
             ]
         )
-        self.lasted = np.where(repeats & wanted.active, self.lasted + self._scene.period, 0.0)
+        self.lasted = np.where(repeats & planned.active, self.lasted + self._scene.period, 0.0)
         return {
             kind: text.format(self._scene.named(np.flatnonzero(late)))
             for (kind, _, text), late in zip(CHECKS, self.lasted > self._limit, strict=True)

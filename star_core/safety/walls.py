@@ -128,9 +128,9 @@ def brake_for_walls(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments ap
         if changed:
             slow_down(velocity, row, speed)
         for axis in range(2):
-            here, fast = position[row, axis], flown[row, axis]
-            above = yielding_room(fence[1, axis] - here, margin[row])
-            below = yielding_room(here - fence[0, axis], margin[row])
+            coordinate, fast = position[row, axis], flown[row, axis]
+            above = yielding_room(fence[1, axis] - coordinate, margin[row])
+            below = yielding_room(coordinate - fence[0, axis], margin[row])
             up = approach_speed(above, fast, brakes, period)
             down = approach_speed(below, -fast, brakes, period)
             velocity[row, axis] = min(max(velocity[row, axis], min(-down, up)), max(up, -down))

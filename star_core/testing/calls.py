@@ -73,8 +73,8 @@ def called_alike(plugins: Sequence[Any], method: str, inputs: tuple[Any, ...]) -
     return outputs[0], elapsed
 
 
-def require_same(one: Any, other: Any) -> None:
-    for (name, leaf), (_, again) in zip(_leaves(one), _leaves(other), strict=False):
+def require_same(first: Any, second: Any) -> None:
+    for (name, leaf), (_, again) in zip(_leaves(first), _leaves(second), strict=False):
         if not _equal(leaf, again):
             raise ContractError(
                 f"two plugins that were made alike return different {name or 'values'} for the "
@@ -83,8 +83,8 @@ def require_same(one: Any, other: Any) -> None:
             )
 
 
-def require_inactive(active: Mask, given: Mask, name: str) -> None:
-    if (wrong := active & ~given).any():
+def require_inactive(active: Mask, allowed: Mask, name: str) -> None:
+    if (wrong := active & ~allowed).any():
         raise ContractError(
             f"row {int(np.argmax(wrong))} is not active in {name}, but active in the result: such "
             f"an agent is on the ground or has no goal; copy {name}.active"
@@ -95,8 +95,8 @@ def _leaves(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
     """Yield what a table consists of, with names such as ``Plan.setpoint.velocity``."""
     if is_dataclass(value):
         owner = name or type(value).__name__
-        for one in fields(value):
-            yield from _leaves(getattr(value, one.name), f"{owner}.{one.name}")
+        for field in fields(value):
+            yield from _leaves(getattr(value, field.name), f"{owner}.{field.name}")
     elif isinstance(value, list | tuple):
         for i, item in enumerate(value):
             yield from _leaves(item, f"{name}[{i}]" if name else "")
@@ -108,10 +108,10 @@ def _is_array(leaf: Any) -> bool:
     return isinstance(leaf, np.ndarray)
 
 
-def _equal(one: Any, other: Any) -> bool:
-    if _is_array(one) and _is_array(other):
-        return np.array_equal(one, other, equal_nan=one.dtype.kind == "f")
-    return bool(one == other)
+def _equal(first: Any, second: Any) -> bool:
+    if _is_array(first) and _is_array(second):
+        return np.array_equal(first, second, equal_nan=first.dtype.kind == "f")
+    return bool(first == second)
 
 
 def agents_of(n: int) -> str:

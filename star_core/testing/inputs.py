@@ -76,8 +76,8 @@ def situations(room: Scene) -> Iterator[tuple[str, Estimate, Mask]]:
     yield "agent 0 is not located, its row is NaN", lost, ~first
     low = position * np.where(odd, [[1.0], [1.0], [0.0]], 1.0).T
     yield "every second agent has landed", estimate(low, time=2 * room.period), ~odd
-    here = np.tile(position[:1], (n, 1))
-    yield "all are at one point", estimate(here, time=3 * room.period), flying
+    stacked = np.tile(position[:1], (n, 1))
+    yield "all are at one point", estimate(stacked, time=3 * room.period), flying
     travel = np.where(first[:, None], [0.5, 0.0, 0.0], 0.0)
     unheard = replace(now, time=4 * room.period, valid=~first, possible_travel=travel)
     yield "agent 0 is not heard", unheard, ~first
@@ -92,7 +92,7 @@ def flight_telemetry(room: Scene, time: float, silent: Mask, unknown: Mask) -> T
     n = len(room.agents)
     cameras = {row: agent.camera for row, agent in enumerate(room.agents) if agent.camera}
     moments = np.full(len(cameras), time)
-    images = tuple(np.zeros((one.height, one.width), np.uint8) for one in cameras.values())
+    images = tuple(np.zeros((camera.height, camera.width), np.uint8) for camera in cameras.values())
     nan = np.where(unknown, np.nan, 0.0)
     velocity = np.tile([0.2, 0.0, 0.0], (n, 1)) + nan[:, None]
     return Telemetry(

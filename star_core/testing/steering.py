@@ -27,9 +27,9 @@ def check_avoider(make: Callable[[Scene], Avoider], scene: Callable[[int], Scene
             draw = np.random.default_rng(len(active)).uniform(-0.4, 0.4, (len(active), 3))
             yield label, (now, Setpoint(draw, np.nan_to_num(now.yaw), active))
 
-    def check(answer: Any, _now: Estimate, wanted: Setpoint) -> None:
-        safe = checked_setpoint(answer, len(wanted.yaw))
-        require_inactive(safe.active, wanted.active, "wanted")
+    def check(answer: Any, _now: Estimate, planned: Setpoint) -> None:
+        safe = checked_setpoint(answer, len(planned.yaw))
+        require_inactive(safe.active, planned.active, "wanted")
 
     return check_method(make, Avoider, "avoid", scene, cases, check)
 
@@ -43,14 +43,14 @@ def check_planner(make: Callable[[Scene], Planner], scene: Callable[[int], Scene
 
     def cases(room: Scene) -> Iterator[Case]:
         for label, now, active in situations(room):
-            n, here = len(active), np.nan_to_num(now.position)
+            n, position = len(active), np.nan_to_num(now.position)
             for what, away in (("a goal near by", 0.5), ("a goal outside the fence", 1e3)):
-                goals = here + np.array([away, 0.0, 0.0])
+                goals = position + np.array([away, 0.0, 0.0])
                 rest = np.zeros((n, 3)), np.zeros(n), np.full(n, 0.5), active
                 yield f"{label}, {what}", (now, Goals(goals, *rest))
-            yield f"{label}, at the goal", (now, Goals(here, *rest))
+            yield f"{label}, at the goal", (now, Goals(position, *rest))
             lost = f"{label}, goals for all agents, also for those that are not located"
-            yield lost, (now, Goals(here, *rest[:3], np.ones(n, np.bool_)))
+            yield lost, (now, Goals(position, *rest[:3], np.ones(n, np.bool_)))
 
     def check(answer: Any, _now: Estimate, goals: Goals) -> None:
         plan = checked_plan(answer, len(goals.yaw))

@@ -82,8 +82,8 @@ def check_task(
                 rows = _changed(tasks, rows, tick) if n > 1 else rows
                 output, elapsed = called_alike(tasks, "step", inputs)
                 took.append(elapsed)
-                own = np.isin(np.arange(n), rows)
-                status = draft.add(output, own, trajectories).status
+                members = np.isin(np.arange(n), rows)
+                status = draft.add(output, members, trajectories).status
                 if status is Status.FAILURE and not output.reason:
                     raise ContractError("failed without TaskOutput.reason, which users are shown")
                 for command in output.commands:

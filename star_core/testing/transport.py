@@ -112,9 +112,9 @@ def _fly(links: Sequence[Transport], room: Scene, took: list[float]) -> None:
                 telemetry = tick(velocity)
             _require_flown(telemetry, flown, (x, z), commanded=order is not None)
     with labeled(f"transport of {agents_of(n)}, with a correction"):
-        one = np.full(1, 0.01)
+        std = np.full(1, 0.01)
         level = np.array([[0.0, 0.0, 0.0, 1.0]])
-        call("correct", Corrections(rows[:1], telemetry.position[:1], level, one, one))
+        call("correct", Corrections(rows[:1], telemetry.position[:1], level, std, std))
 
 
 def _require_flown(

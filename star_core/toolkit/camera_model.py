@@ -93,14 +93,14 @@ class CameraModel:
         pixels = self.project(points)
         u, v = pixels[..., 0], pixels[..., 1]
         within = (u >= border) & (u <= self.camera.width - 1 - border)
-        seen: Mask = within & (v >= border) & (v <= self.camera.height - 1 - border)
-        return seen & self.in_reach(points)
+        visible: Mask = within & (v >= border) & (v <= self.camera.height - 1 - border)
+        return visible & self.in_reach(points)
 
     def in_reach(self, points: Array) -> Mask:
         """Return whether the model has pixels for (..., 3) points in the camera's frame: (...,)."""
         z = points[..., 2]
-        seen: Mask = (z > 0) & (np.hypot(points[..., 0], points[..., 1]) <= self.reach * z)
-        return seen
+        visible: Mask = (z > 0) & (np.hypot(points[..., 0], points[..., 1]) <= self.reach * z)
+        return visible
 
     def undistort(self, pixels: Array, *, clip: bool = False) -> Array:
         """Return the (..., 2) rays of (..., 2) pixels, by OpenCV.
@@ -123,14 +123,16 @@ class CameraModel:
             distorted *= np.divide(self._distorted_reach, radius, out=ones, where=beyond)
             flat = distorted * (fx, fy) + (cx, cy)
         distortion = np.array(self.camera.distortion)
-        found = _float(cv2.undistortPoints(flat, self.matrix, distortion, criteria=_CRITERIA))
-        length = np.hypot(found[..., :1], found[..., 1:])  # tangential distortion moves the edge
+        undistorted = _float(cv2.undistortPoints(flat, self.matrix, distortion, criteria=_CRITERIA))
+        length = np.hypot(
+            undistorted[..., :1], undistorted[..., 1:]
+        )  # tangential distortion moves the edge
         beyond |= length > self.reach
         if clip:
-            found /= np.maximum(length / self.reach, 1.0)
+            undistorted /= np.maximum(length / self.reach, 1.0)
         else:
-            found[beyond[..., 0]] = np.nan
-        return found.reshape(pixels.shape)
+            undistorted[beyond[..., 0]] = np.nan
+        return undistorted.reshape(pixels.shape)
 
     def magnification(self, rays: Array) -> Array:
         """Return the number of pixels per unit of a ray at (..., 2) rays: (...,).
@@ -276,5 +278,5 @@ def upright_misfit(pose: Pose, misfit: float, up: Array) -> float:
     return misfit - UPRIGHT_PENALTY * float(pose.rotation[:, 2] @ up)
 
 
-def _float(given: object) -> Array:
-    return np.asarray(given, np.float64)
+def _float(values: object) -> Array:
+    return np.asarray(values, np.float64)

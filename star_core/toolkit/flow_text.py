@@ -13,7 +13,7 @@ def flow(value: Any) -> str:
     '{any: [{found: 1}, {not: {event: ""}}]}'
     """
     if isinstance(value, dict):
-        return "{" + ", ".join(f"{key}: {flow(one)}" for key, one in value.items()) + "}"
+        return "{" + ", ".join(f"{key}: {flow(item)}" for key, item in value.items()) + "}"
     if isinstance(value, list):
         return "[" + ", ".join(map(flow, value)) + "]"
     return value if isinstance(value, str) and value else json.dumps(value)

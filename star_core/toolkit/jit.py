@@ -90,9 +90,9 @@ class _PruneBranches(DeadBranchPrune):
     _name = "star_prune_branches"
 
     def run_pass(self, state: Any) -> bool:
-        own, state.args = state.args, tuple(map(_known_type, state.args))
+        arguments, state.args = state.args, tuple(map(_known_type, state.args))
         pruned: bool = super().run_pass(state)  # type: ignore[no-untyped-call]
-        state.args = own
+        state.args = arguments
         return pruned
 
 

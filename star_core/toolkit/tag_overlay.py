@@ -27,8 +27,8 @@ def image_with_tags(image: Image, found: Detections, width: int) -> Image:
     scale = width / image.shape[1]
     shown = cv2.resize(image, (width, round(image.shape[0] * scale)))
     shown = cv2.cvtColor(shown, cv2.COLOR_GRAY2RGB)
-    known = np.isfinite(found.corners).all(axis=(1, 2))
-    for k in np.flatnonzero(known).tolist():
+    finite = np.isfinite(found.corners).all(axis=(1, 2))
+    for k in np.flatnonzero(finite).tolist():
         color = REJECTED if found.rejected[k] else USED
         corners = np.round((found.corners[k] + 0.5) * scale - 0.5).astype(np.int32)
         cv2.polylines(shown, [corners], isClosed=True, color=color, thickness=2)

@@ -43,9 +43,9 @@ def transformed(coefficients: Array, yaw: float, shift: Any = 0.0) -> Array:
     """
     cos, sin = math.cos(yaw), math.sin(yaw)
     x, y = coefficients[..., 0, :], coefficients[..., 1, :]
-    there = coefficients.copy()
-    there[..., 0, :] = cos * x - sin * y
-    there[..., 1, :] = sin * x + cos * y
-    there[..., :3, 0] += shift
-    there[..., 3, 0] += yaw
-    return there
+    result = coefficients.copy()
+    result[..., 0, :] = cos * x - sin * y
+    result[..., 1, :] = sin * x + cos * y
+    result[..., :3, 0] += shift
+    result[..., 3, 0] += yaw
+    return result

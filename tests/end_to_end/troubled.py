@@ -40,7 +40,7 @@ class Troubled:
     def registry(self) -> Registry:
         """The installed plugins."""
         registry = Registry()
-        for kind, named in registry._found.items():
+        for kind, named in registry._plugins.items():
             for found in named.values():
                 found[:] = [Found(self._spoilt(kind, one.offer), one.source) for one in found]
         return registry

@@ -52,7 +52,7 @@ def common_parameters(file: Value, names: Sequence[str], log: ImportLog) -> dict
             for value, robots in robots_by_value.items()
         )
         location = next(
-            parameters[key].place for parameters in of_robot.values() if key in parameters
+            parameters[key].begins_at for parameters in of_robot.values() if key in parameters
         )
         log.add(
             location,

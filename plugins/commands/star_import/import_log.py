@@ -45,7 +45,7 @@ class ImportLog:
         """Log the keys of a map that are not `read`; `of` precedes them in the messages."""
         for key, value in entry.map().items():
             if key not in read:
-                self.add(value.place, f"{of}{key!r} {why}; ignored")
+                self.add(value.begins_at, f"{of}{key!r} {why}; ignored")
 
     @contextmanager
     def collected(self) -> Iterator[None]:

@@ -61,11 +61,13 @@ def _wall(name: str, spec: Value, log: ImportLog) -> Wall:
     if "use_key_point" in spec.map():
         offsets = spec.map()["use_key_point"].flag()
     else:
-        log.add(spec.place, f"{name} has no 'use_key_point'; its points are absolute")
+        log.add(spec.begins_at, f"{name} has no 'use_key_point'; its points are absolute")
     listed = spec.need("points")
     numbers = listed.numbers()
     if len(numbers) % 2:
-        log.add(listed.place, f"{name}: the last of {len(numbers)} numbers has no pair; ignored")
+        log.add(
+            listed.begins_at, f"{name}: the last of {len(numbers)} numbers has no pair; ignored"
+        )
         numbers = numbers[:-1]
     if len(numbers) < 4:  # noqa: PLR2004 -- two points
         raise listed.wrong(f"{name} has {len(numbers)} numbers, expected x and y of two points")
@@ -80,16 +82,16 @@ def _wall(name: str, spec: Value, log: ImportLog) -> Wall:
     for dx, dy in zip(numbers[::2], numbers[1::2], strict=True):
         x, y = (x + dx, y + dy) if offsets else (dx, dy)
         if points and points[-1] == (x, y):
-            log.add(listed.place, f"{name}: {show([x, y])} is repeated; used once")
+            log.add(listed.begins_at, f"{name}: {show([x, y])} is repeated; used once")
         else:
             points.append((x, y))
     if len(points) == 1:
         raise listed.wrong(f"{name} has one point only, expected two that differ")
     kind = "relative to the previous point, the first to the map" if offsets else "in the map"
     log.add(
-        spec.place,
+        spec.begins_at,
         f"{name}: {len(points)} points in m, {kind}; {show(thickness)} m thick in all; "
         f"from {show(foot)} to {show(top)} m high",
     )
     log.ignored(spec, {"use_key_point", "points", "height", "thickness"}, f"{name}: ")
-    return Wall(name, tuple(points), thickness, (foot, top), spec.place)
+    return Wall(name, tuple(points), thickness, (foot, top), spec.begins_at)

@@ -89,19 +89,19 @@ def groups(commands: Sequence[Record]) -> Iterator[list[Record]]:
 
 def _record(values: Sequence[Value], names: Sequence[str], log: ImportLog) -> Record:
     task, going_on, agents, argument, pose = (value.text().strip() for value in values)
-    location = values[0].place
+    location = values[0].begins_at
     if task and task not in TASKS:
         raise values[0].wrong(f"no task {task!r}, expected one of {', '.join(TASKS)}")
     if going_on not in {"wait", "conc"}:
-        log.add(values[1].place, f"{going_on!r} is read as 'conc', as the original does")
+        log.add(values[1].begins_at, f"{going_on!r} is read as 'conc', as the original does")
     moves = task in {"goto", "goto_velocity"}
     lands = moves and argument == "land"
     if argument and not (lands or task == "hold"):
         if moves:
             raise values[3].wrong(f"argument {argument!r} of {task}, expected '' or 'land'")
-        log.add(values[3].place, f"argument {argument!r} of {task or 'no task'} is ignored")
+        log.add(values[3].begins_at, f"argument {argument!r} of {task or 'no task'} is ignored")
     if pose and not moves:
-        log.add(values[4].place, f"pose {pose!r} of {task or 'no task'} is ignored")
+        log.add(values[4].begins_at, f"pose {pose!r} of {task or 'no task'} is ignored")
     *point, yaw = _pose(values[4], task) if moves else (0.0,) * 4
     x, y, z = point
     return Record(
@@ -126,7 +126,9 @@ def _agents(value: Value, written: str, agents: Sequence[str], log: ImportLog) -
     for word in written.split():
         parts = word.split("_")
         if word not in agents and len(parts) > 1 and set(parts) <= set(agents):
-            log.add(value.place, f"{word!r} is read as {' '.join(parts)!r}: spaces separate names")
+            log.add(
+                value.begins_at, f"{word!r} is read as {' '.join(parts)!r}: spaces separate names"
+            )
             names += parts
         else:
             names.append(word)
@@ -144,7 +146,7 @@ def _seconds(value: Value, log: ImportLog) -> float:
         raise value.wrong(f"{seconds:g} s is less than 0")
     if seconds >= LONG:
         log.add(
-            value.place,
+            value.begins_at,
             f"{seconds:g} is read as seconds, as the original's code does; its README says "
             "milliseconds",
         )

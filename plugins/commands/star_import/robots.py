@@ -67,7 +67,7 @@ def robots(file: Value, log: ImportLog) -> list[Robot]:
     for name, spec in file.need("robots").map().items():
         with log.collected():
             if "enabled" in spec.map() and not spec.map()["enabled"].flag():
-                log.add(spec.place, f"{name} is not enabled; ignored")
+                log.add(spec.begins_at, f"{name} is not enabled; ignored")
                 continue
             enabled.append(_robot(name, spec, [robot.deck for robot in enabled], log))
             kind = spec.map().get("type")
@@ -138,16 +138,16 @@ def _robot(name: str, spec: Value, decks: Sequence[str], log: ImportLog) -> Robo
         raise start.wrong(f"{name} has {len(start.list())} numbers, expected x, y and z") from None
     uri = spec.map()["uri"].text() if "uri" in spec.map() else ""
     yaw = _yaw_deg(name, spec.map().get("initial_quaternion"), log)
-    log.add(spec.place, f"{name} starts at {show([x, y, z])} m, yaw {show(yaw)} degrees")
+    log.add(spec.begins_at, f"{name} starts at {show([x, y, z])} m, yaw {show(yaw)} degrees")
     deck = _deck(name, spec)
     if deck and deck in decks:
         log.add(
-            spec.map()["ip_add"].place,
+            spec.map()["ip_add"].begins_at,
             f"{name}: the AI-deck at {deck} belongs to another agent already; ignored",
         )
         deck = ""
     log.ignored(spec, READ, f"{name}: ", NOT_SUPPORTED)
-    return Robot(name, (x, y, z), uri, spec.place, yaw, deck)
+    return Robot(name, (x, y, z), uri, spec.begins_at, yaw, deck)
 
 
 def _yaw_deg(name: str, quaternion: Value | None, log: ImportLog) -> float:
@@ -162,7 +162,7 @@ def _yaw_deg(name: str, quaternion: Value | None, log: ImportLog) -> float:
     tilt = math.degrees(math.acos(max(-1.0, min(1.0, 1 - 2 * (x * x + y * y)))))
     if tilt > LEVEL:
         log.add(
-            quaternion.place,
+            quaternion.begins_at,
             f"{name}: initial_quaternion is tilted by {tilt:.0f} degrees; agents start level, so "
             "only its yaw is used",
         )
@@ -202,7 +202,7 @@ def _log_type(name: str, kind: Value, log: ImportLog) -> None:
         voltage = battery.map()["voltage_critical"]
         volts = show(voltage.number())
         log.add(
-            voltage.place,
+            voltage.begins_at,
             f"type {name}: voltage_critical {volts} V has no effect in Crazyswarm2; to land below "
             f"it, add safety: {{battery_low: {{below: {volts}}}}}",
         )

@@ -76,7 +76,7 @@ def sheets(file: Value, reading: Reading, log: ImportLog) -> list[Sheet]:
         tags_entry = file.map()["april_tags"]
         what = "lower right corners" if reading.corners else "centers"
         log.add(
-            tags_entry.place,
+            tags_entry.begins_at,
             f"positions of tags are in m and of their {what}; edges of {show(reading.edge)} m; "
             f"every sheet lies on the floor with its upper edge towards x",
         )
@@ -93,28 +93,28 @@ def _sheet(name: str, spec: Value, tags: Value, reading: Reading, log: ImportLog
         raise spec.wrong(f"{name!r}, expected a tag 'id000' or a pair 'id000 id001'")
     numbers = tuple(int(part[2:]) for part in name.split())
     if "id" in spec.map():
-        log.add(spec.map()["id"].place, f"{name}: 'id' is ignored, the key is used")
+        log.add(spec.map()["id"].begins_at, f"{name}: 'id' is ignored, the key is used")
     purpose = spec.need("purpose").text()
     kind = {"relocalization": "landmarks", "eliminate": "targets"}.get(purpose)
     if kind is None:
-        log.add(spec.place, f"{name} is for {purpose!r}, which the original ignores; ignored")
+        log.add(spec.begins_at, f"{name} is for {purpose!r}, which the original ignores; ignored")
         return None
     location = spec.need("location")
     where = location.numbers()
     if len(where) == 1 and kind == "targets":
         if numbers[0] not in reading.target_positions or len(numbers) > 1:
             log.add(
-                location.place,
+                location.begins_at,
                 f"{name} has no position and is ignored; to add it to the world: "
                 f"--target {numbers[0]}=X,Y",
             )
             return None
         x, y = reading.target_positions[numbers[0]]
-        return Sheet(kind, numbers, ((x, y),), reading.edge, spec.place)
+        return Sheet(kind, numbers, ((x, y),), reading.edge, spec.begins_at)
     if len(where) < 2:  # noqa: PLR2004 -- x and y
         raise location.wrong(f"{name} has {len(where)} numbers, expected x and y, m")
     if len(where) > 2:  # noqa: PLR2004
-        log.add(location.place, f"{name} has {len(where)} numbers; the first two are used")
+        log.add(location.begins_at, f"{name} has {len(where)} numbers; the first two are used")
     x, y = where[:2]
     half = reading.edge / 2 if reading.corners else 0.0
     offsets = _pair(name, spec, tags) if len(numbers) > 1 else ((0.0, 0.0),)
@@ -125,10 +125,10 @@ def _sheet(name: str, spec: Value, tags: Value, reading: Reading, log: ImportLog
             f"{name}: tags {apart:.3f} m apart overlap at an edge of {show(reading.edge)} m; give "
             f"their size: --tag-size {math.floor(apart / TAG_RIM * 1000) / 1000:g} or less"
         )
-    log.add(spec.place, f"{name}: {kind[:-1]} at {', '.join(show(c) for c in centres)} m")
+    log.add(spec.begins_at, f"{name}: {kind[:-1]} at {', '.join(show(c) for c in centres)} m")
     pair = {"alignment"} if len(numbers) > 1 else set()
     log.ignored(spec, {"id", "location", "purpose"} | pair, f"{name}: ")
-    return Sheet(kind, numbers, centres, reading.edge, spec.place)
+    return Sheet(kind, numbers, centres, reading.edge, spec.begins_at)
 
 
 def _pair(name: str, spec: Value, tags: Value) -> tuple[Corner, ...]:

@@ -124,7 +124,7 @@ class StepBuilder:
             until=conditions.parse(until) if clear else None,
             timeout=options.get("timeout"),
             on_failure=options.get("on_failure", "abort"),
-            location=self._document.place(path),
+            location=self._document.location_text(path),
             included_from=self._included_from(path),
             path=path,
             known=is_known,
@@ -133,7 +133,7 @@ class StepBuilder:
 
     def _unknown(self, path: Location) -> Action:
         """Return an action in place of a step that cannot be interpreted."""
-        location = self._document.place(path)
+        location = self._document.location_text(path)
         none = Source("")
         return Action(UNKNOWN, none, (), {}, None, None, "abort", location, (), path, known=False)
 

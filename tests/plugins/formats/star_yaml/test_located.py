@@ -67,18 +67,18 @@ def refusals(folder: Path, content: str | bytes) -> list[str]:
 def test_every_value_and_every_key_has_its_place(
     mission: Document, path: tuple[str | int, ...], value: str, key: str
 ) -> None:
-    assert mission.place(path) == f"{mission.path}:{value}"
-    assert mission.place(path, key=True) == f"{mission.path}:{key}"
+    assert mission.location_text(path) == f"{mission.path}:{value}"
+    assert mission.location_text(path, key=True) == f"{mission.path}:{key}"
 
 
 def test_nothing_after_a_key_stands_at_the_key(mission: Document) -> None:
     assert mission.data["mission"][1] == {"land": None}
-    assert mission.place(("mission", 1, "land")) == f"{mission.path}:10:5"
+    assert mission.location_text(("mission", 1, "land")) == f"{mission.path}:10:5"
 
 
 def test_what_is_not_there_has_the_place_of_its_nearest_parent(mission: Document) -> None:
-    assert mission.place(("swarm", "cf1", "uri", 3)) == f"{mission.path}:5:3"
-    assert mission.place(("swarm", "cf9"), key=True) == mission.place(("swarm",))
+    assert mission.location_text(("swarm", "cf1", "uri", 3)) == f"{mission.path}:5:3"
+    assert mission.location_text(("swarm", "cf9"), key=True) == mission.location_text(("swarm",))
 
 
 def test_a_problem_is_a_message_after_its_place(mission: Document) -> None:
@@ -93,14 +93,14 @@ def test_a_file_is_called_what_the_user_calls_it(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Path("here.yaml").write_text("a: 1")
-    assert read(Path("here.yaml")).place(("a",)) == "here.yaml:1:4"
+    assert read(Path("here.yaml")).location_text(("a",)) == "here.yaml:1:4"
 
 
 def test_a_byte_order_mark_and_windows_line_ends_shift_no_place(tmp_path: Path) -> None:
     document = write(tmp_path, b"\xef\xbb\xbfa: 1\r\nb: {c: 2}\r\n")
     assert document.data == {"a": 1, "b": {"c": 2}}
-    assert document.place(("a",), key=True).endswith(":1:1")
-    assert document.place(("b", "c")).endswith(":2:8")
+    assert document.location_text(("a",), key=True).endswith(":1:1")
+    assert document.location_text(("b", "c")).endswith(":2:8")
 
 
 # What scalars mean

@@ -74,13 +74,13 @@ def test_assigned_values_are_set_and_located_at_the_assignment(
 
 def test_a_name_that_becomes_a_map_keeps_its_place(mission: Document) -> None:
     changed = override(mission, ["avoider.radius=-1"])
-    assert changed.place(("avoider", "use")) == mission.place(("avoider",))
-    assert changed.place(("avoider", "radius"), key=True) == "--set avoider.radius=-1"
+    assert changed.location_text(("avoider", "use")) == mission.location_text(("avoider",))
+    assert changed.location_text(("avoider", "radius"), key=True) == "--set avoider.radius=-1"
 
 
 def test_setting_a_value_forgets_the_places_below_the_old_one(mission: Document) -> None:
     changed = override(mission, ["swarm.cf1=here"])
-    assert changed.place(("swarm", "cf1", "start", 0)) == "--set swarm.cf1=here"
+    assert changed.location_text(("swarm", "cf1", "start", 0)) == "--set swarm.cf1=here"
 
 
 def test_assignments_follow_one_another(mission: Document) -> None:
