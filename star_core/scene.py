@@ -70,6 +70,7 @@ class Scene:
         realtime: Whether mission time advances by itself, so that no plugin may wait.
         exact_odometry: Whether the agents start where they are expected and their odometry has no
             error, as in a simulation without noise.
+        detects_tags: Whether cameras send corners of tags, `Telemetry.detections`, not images.
         measures_positions: Whether a positioning system measures positions: `Telemetry.fixes`.
         measurement_errors: Standard deviation of these along each axis, m, and the longest time
             without one of an agent, s; None if that is not known before the flight.
@@ -85,6 +86,7 @@ class Scene:
     seed: int = 0
     realtime: bool = False
     exact_odometry: bool = False
+    detects_tags: bool = False
     measures_positions: bool = False
     measurement_errors: tuple[float, float] | None = None
     folder: Path = field(default_factory=Path)

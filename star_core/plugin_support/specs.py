@@ -149,6 +149,9 @@ class TransportSpec(MissionSpec):
             `Scene.exact_odometry`.
         exact_control: ``exact_control(**options)`` returns whether drones fly setpoints exactly, as
             in a simulation without their dynamics; None if they never do. Rehearsals read it.
+        detects_tags: ``detects_tags(**options)`` returns whether cameras send the corners of the
+            tags that they detect, `Detections`, instead of images; None if they send images.
+            Localizers read it in `Scene.detects_tags`.
         measures_positions: ``measures_positions(**options)`` returns whether a positioning system
             measures positions, for `Telemetry.fixes`; None if none does. Localizers read it in
             `Scene.measures_positions`.
@@ -162,6 +165,7 @@ class TransportSpec(MissionSpec):
     heights_above_surface: Callable[..., bool] | None = None
     exact_odometry: Callable[..., bool] | None = None
     exact_control: Callable[..., bool] | None = None
+    detects_tags: Callable[..., bool] | None = None
     measures_positions: Callable[..., bool] | None = None
     measurement_errors: Callable[..., tuple[float, float] | None] | None = None
 

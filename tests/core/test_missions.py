@@ -1,6 +1,7 @@
 """Every mission in the repository flies, and two flights with the same seed are the same."""
 
 import json
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -40,6 +41,10 @@ SETTINGS = {  # to shorten long flights, and to fly `external` beside other test
         "mission.2.follow.timescale=1.1",
     ),
 }
+WARNINGS = {  # with tags detected on board, which a search may not see for some time
+    "relief": {"drift-exceeds-clearance", "drift-exceeds-separation"},
+    "search": {"drift-exceeds-separation"},
+}
 
 
 def flown(
@@ -67,7 +72,8 @@ def test_every_mission_checks_and_completes_without_collision(
     mission: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["check", str(mission)]) == 0
-    assert not capsys.readouterr().err  # no warning
+    warnings = re.findall(r"warning: .* \[(.*)\]$", capsys.readouterr().err, re.MULTILINE)
+    assert {*warnings} == WARNINGS.get(mission.stem, set())
     summary = flown(mission, tmp_path, settings=SETTINGS.get(mission.stem, ()))
     assert summary["collisions"] == {"agent_agent": 0, "agent_obstacle": 0}
     assert summary["targets"]["found"] == summary["targets"]["total"]

@@ -131,7 +131,7 @@ def _transport_properties(choice: Mapping[str, Any], registry: Registry) -> dict
         return {}
     offer, properties = plugin.offer, {"realtime": bool(plugin.offer.realtime)}
     options = fill_defaults(_options(choice), offer.options)  # some of them may be refused
-    for name in ("exact_odometry", "measures_positions"):
+    for name in ("exact_odometry", "detects_tags", "measures_positions"):
         if (holds := getattr(offer, name)) is not None:
             with PluginGuard(f"transport {offer.name!r} ({plugin.source})"):
                 properties[name] = bool(holds(**options))

@@ -24,9 +24,8 @@ from star_core import Array, Camera, Mask, Obstacle, Scene, Tag
 from star_core.toolkit import CameraModel, rotation_from_quaternion, square_corners
 
 SEEN_STD: Final = 0.03  # m, while a tag is in view
-MIN_WIDTH: Final = (
-    13.2  # px of a tag across its longest side: eight modules that are still detected
-)
+MIN_EDGE: Final = 13.0  # px, longest side of a tag that is still found in an image
+MIN_WIDTH: Final = 13.2  # px across the longest side: eight modules, for detectors without priors
 BORDER: Final = 3.0  # px, of the image, in which no corner is detected
 POINTS: Final = 24  # of a line of sight, compared with obstacles
 
@@ -65,9 +64,7 @@ def expected_std(
     for row, agent in enumerate(scene.agents):
         visible = np.zeros(len(time), np.bool_)
         if agent.camera is not None:
-            visible = _sees(
-                agent.camera, tags, scene.world.obstacles, position[:, row], yaw[:, row]
-            )
+            visible = _sees(scene, agent.camera, tags, position[:, row], yaw[:, row])
         height = position[:, row, 2] - agent.start[2]
         std[:, row] = _along(time, position[:, row, :2], height, visible)
     return std
@@ -98,14 +95,12 @@ def _along(time: Array, position: Array, height: Array, visible: Mask) -> Array:
     return std
 
 
-def _sees(
-    camera: Camera,
-    tags: tuple[Tag, ...],
-    obstacles: tuple[Obstacle, ...],
-    position: Array,
-    yaw: Array,
-) -> Mask:
-    """Return at which of (T, 3) positions, with (T,) headings, a tag is in the image: (T,)."""
+def _sees(scene: Scene, camera: Camera, tags: tuple[Tag, ...], position: Array, yaw: Array) -> Mask:
+    """Return at which of (T, 3) positions, with (T,) headings, a tag is detected: (T,).
+
+    In images, where tags are expected, they are found at slants at which a detector on board, which
+    expects none, does not read them.
+    """
     model = CameraModel(camera)
     mount = model.mounting
     visible = np.zeros(len(position), np.bool_)
@@ -124,26 +119,27 @@ def _sees(
         ahead = np.flatnonzero((points[..., 2] > 0.0).all(axis=1))
         whole = ahead[model.sees(points[ahead], BORDER).all(axis=1)]
         pixels = model.project(points[whole])
-        readable = centers[facing][whole[_widths(pixels) >= MIN_WIDTH]]
-        times += [k] * len(readable)
-        eyes += [eye] * len(readable)
-        ends += [*readable]
+        longest, width = _sizes(pixels)
+        readable = width >= MIN_WIDTH if scene.detects_tags else longest >= MIN_EDGE
+        detected = centers[facing][whole[readable]]
+        times += [k] * len(detected)
+        eyes += [eye] * len(detected)
+        ends += [*detected]
     if times:
-        clear = _clear(obstacles, np.array(eyes), np.array(ends))
+        clear = _clear(scene.world.obstacles, np.array(eyes), np.array(ends))
         visible[np.array(times)[clear]] = True
     return visible
 
 
-def _widths(pixels: Array) -> Array:
-    """Return the widths of (K, 4, 2) tags in the image across their longest sides: (K,) px.
+def _sizes(pixels: Array) -> tuple[Array, Array]:
+    """Return the longest sides of (K, 4, 2) tags in the image and the widths across them: (K,) px.
 
     Of a tag that is seen at a slant the width is less than any side.
     """
     longest = np.linalg.norm(pixels - np.roll(pixels, 1, axis=1), axis=2).max(axis=1, initial=0.0)
     a, b = pixels[:, 2] - pixels[:, 0], pixels[:, 3] - pixels[:, 1]  # diagonals
     area = np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]) / 2
-    widths: Array = area / np.maximum(longest, 1.0)
-    return widths
+    return longest, area / np.maximum(longest, 1.0)
 
 
 def _clear(obstacles: tuple[Obstacle, ...], eyes: Array, ends: Array) -> Mask:

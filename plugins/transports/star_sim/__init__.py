@@ -181,6 +181,11 @@ def exact_control(*, controller: str, **_others: Any) -> bool:
     return controller == "ideal"
 
 
+def detects_tags(*, camera: Mapping[str, Any] | None = None, **_others: Any) -> bool:
+    """Return whether drones with these options send corners of tags instead of images."""
+    return (camera or {}).get("mode") == "geometric"
+
+
 def measures_positions(*, positioning: Mapping[str, Any] | None = None, **_others: Any) -> bool:
     """Return whether there is a positioning system."""
     return positioning is not None
@@ -208,6 +213,7 @@ def star_transports() -> Iterable[TransportSpec]:
         heights_above_surface=heights_above_surface,
         exact_odometry=exact_odometry,
         exact_control=exact_control,
+        detects_tags=detects_tags,
         measures_positions=measures_positions,
         measurement_errors=measurement_errors,
     )

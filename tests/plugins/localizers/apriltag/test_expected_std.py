@@ -52,12 +52,19 @@ def test_tags_are_seen_where_the_simulated_camera_detects_them(size: float) -> N
     for ahead in np.arange(0.2, 2.4, 0.1):  # ever more slanted
         tag = Tag(0, size, (ahead, 0.3, 0.0), FLAT, "l0")
         tagged = room()
-        tagged = replace(tagged, world=replace(tagged.world, landmarks=(tag,)))
+        world = replace(tagged.world, landmarks=(tag,))
+        tagged = replace(tagged, world=world, detects_tags=True)
         hovering = Shot(np.array([0.0, 0.0, 0.8]), np.array(FLAT), np.zeros(3), np.zeros(3))
         numbers, _ = OnboardDetector(Camera(), (tag,), tagged.world).detect(hovering)
         outcomes.add(detected := len(numbers) == 1)
         assert (std(tagged, np.zeros(20))[-1] == pytest.approx(SEEN_STD)) == detected, ahead
     assert outcomes == {False, True}
+
+
+def test_images_show_tags_at_slants_that_detectors_on_board_do_not_read() -> None:
+    far = room((1.4, 0.3))
+    assert std(far, np.zeros(20))[-1] == pytest.approx(SEEN_STD)
+    assert std(replace(far, detects_tags=True), np.zeros(20))[-1] > 2 * SEEN_STD
 
 
 def test_errors_grow_between_landmarks_and_vanish_at_the_next() -> None:
