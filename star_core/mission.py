@@ -136,7 +136,7 @@ class Mission:
     Attributes:
         name: For records.
         scene: What every plugin is made with.
-        parts: The transport, localizer, planner and avoider, by kind.
+        plugins: The transport, localizer, planner and avoider, by kind.
         steps: What to do, one after the other.
         safety: What becomes of agents in trouble, by the trouble.
         reserve: Agents that replace others, and when; empty if there are none.
@@ -150,7 +150,7 @@ class Mission:
 
     name: str
     scene: Scene
-    parts: Mapping[str, PluginChoice]
+    plugins: Mapping[str, PluginChoice]
     steps: tuple[Node, ...]
     safety: Mapping[str, Mapping[str, Any]]
     reserve: Mapping[str, Any]

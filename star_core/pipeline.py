@@ -120,8 +120,8 @@ class PluginStage:
 class PluginPipeline:
     """Calls the plugins, validates what they return, and names the plugin that breaks its contract.
 
-    Every method may raise `PluginError`. Failures in flight are tolerated at first where a method
-    says what it returns instead.
+    Every method may raise `PluginError`. Failures in flight are tolerated at first where the
+    docstring of a method names a fallback.
 
     Args:
         mission: Names the plugins.
@@ -155,12 +155,12 @@ class PluginPipeline:
         self._transport, self._localizer, self._planner, self._avoider = map(
             self._stages.__getitem__, ("transport", "localizer", "planner", "avoider")
         )
-        specs = {kind: registry.find(kind, mission.parts[kind].use).offer for kind in PARTS}
+        specs = {kind: registry.find(kind, mission.plugins[kind].use).offer for kind in PARTS}
         self._check_goals = specs["planner"].check_goals
-        self._planner_options = dict(mission.parts["planner"].options)
+        self._planner_options = dict(mission.plugins["planner"].options)
         try:
             for kind, stage in self._stages.items():
-                options = dict(mission.parts[kind].options)
+                options = dict(mission.plugins[kind].options)
                 stage.make(mission.scene, specs[kind], options, CONTRACTS[kind])
         except BaseException:
             self.close()
@@ -169,7 +169,7 @@ class PluginPipeline:
         self._notes_frames = transport if isinstance(transport, NotesFrames) else None
 
     def _stage(self, kind: str, mission: Mission) -> PluginStage:
-        name = str(mission.parts[kind])
+        name = str(mission.plugins[kind])
         watch = self.compute_time.of(name, waits=kind == "transport")
         return PluginStage(name, self._n, watch, self.strikes)
 

@@ -207,7 +207,7 @@ class ControlLoop:
                     self._act(finding, state)
 
     def _act(self, finding: Finding, state: TickState) -> None:
-        """Act on a finding of a monitor: the only place that does."""
+        """Act on a finding of a monitor; nothing else does."""
         match finding:
             case Use(table, value):
                 setattr(state, table, value)
@@ -279,7 +279,7 @@ class ControlLoop:
         self._monitors = tuple(each for each in self._monitors if each is not located)
 
     def give_up(self, error: PluginError) -> str:
-        """Return what failed when all agents cannot be landed either, which `error` says."""
+        """Return what failed when all agents cannot be landed either, as `error` reports."""
         return "" if self._land_all is None else self._land_all.give_up(error)
 
     @property

@@ -29,12 +29,12 @@ def manifest(mission: Mission, registry: Registry) -> dict[str, Any]:
         "seed": mission.scene.seed,
         "plugins": {
             kind: {
-                "name": part.use,
-                "options": dict(part.written),
-                "plugin": part.source.plugin,
-                "version": part.source.version,
+                "name": choice.use,
+                "options": dict(choice.written),
+                "plugin": choice.source.plugin,
+                "version": choice.source.version,
             }
-            for kind, part in mission.parts.items()
+            for kind, choice in mission.plugins.items()
         },
         "verbs": {
             action.verb: {"plugin": action.source.plugin, "version": action.source.version}

@@ -125,8 +125,8 @@ class FlightSummary:
             "waits": None,
             "jams": None,
             "corrected": dict(self._corrected),
-            "min_separation_m": _known(self.contacts.separation),
-            "min_clearance_m": _known(self.contacts.clearance),
+            "min_separation_m": _finite_or_none(self.contacts.separation),
+            "min_clearance_m": _finite_or_none(self.contacts.clearance),
             "position_mse_m2": None,
             "position_rmse_m": None,
             "position_worst_m": None,
@@ -146,5 +146,5 @@ def event_records(events: Iterable[Event]) -> list[dict[str, Any]]:
     ]
 
 
-def _known(value: float) -> float | None:
+def _finite_or_none(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None

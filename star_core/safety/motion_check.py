@@ -63,7 +63,7 @@ class MotionCheck:
     no flow sensor. An agent that reports no tilt is not judged. One that was found stays so until
     it takes off again: it lies where it came down, not where it reports to be.
 
-    From where the sum began to rise, the corrections also say by how much velocity and position
+    From where the sum began to rise, the corrections also show by how much velocity and position
     are wrong: ``dw/dt = -c - a - DRAG w`` and ``da/dt = TILT_RATE (c + DRAG w)``, for the
     correction ``c``, the error ``w`` of the velocity, and the acceleration ``a`` by the error of
     the tilt, which the estimator corrects too.

@@ -80,7 +80,7 @@ def check_transport(
 
 
 def _fly(links: Sequence[Transport], room: Scene, took: list[float]) -> None:
-    """Fly every second agent of a transport as `FLIGHT` says, and check where all are then."""
+    """Fly every second agent of a transport along `FLIGHT`, and check where all are then."""
     n = len(room.agents)
     flown, rows = np.arange(n) % 2 == 0, np.arange(0, n, 2)
     now = 0.0

@@ -112,7 +112,7 @@ def test_options_have_defaults_beside_what_is_written() -> None:
     mission = load(
         MISSIONS / "first_flight.yaml", Registry(), ["avoider={use: orca, radius: 0.25}"]
     )
-    avoider = mission.parts["avoider"]
+    avoider = mission.plugins["avoider"]
     assert avoider.written == {"radius": 0.25}
     assert avoider.options["radius"] == 0.25
     assert {*avoider.options} > {*avoider.written}

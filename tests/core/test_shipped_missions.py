@@ -53,7 +53,7 @@ def test_first_flight_notes_its_hardware_requirements() -> None:
     with pytest.raises(InputError, match="uri"):
         load(path, registry, radio)
     uris = [f"swarm.cf{i}.uri=radio://0/80/2M/E7E7E7E70{i}" for i in (1, 2, 3)]
-    assert load(path, registry, [*radio, *uris]).parts["transport"].use == "radio"
+    assert load(path, registry, [*radio, *uris]).plugins["transport"].use == "radio"
 
 
 def test_checking_the_missions_imports_nothing_heavy() -> None:

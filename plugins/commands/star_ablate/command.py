@@ -87,7 +87,7 @@ def configure(line: argparse.ArgumentParser) -> None:
 def _ablate(study: Study, folder: Path, workers: int, *, record: bool = False) -> StudyResults:
     """Fly the runs that are missing in `folder`, write the tables, and return the results."""
     folder.mkdir(parents=True, exist_ok=True)
-    plugins = {str(part) for c in study.conditions for part in c.mission.parts.values()}
+    plugins = {str(choice) for c in study.conditions for choice in c.mission.plugins.values()}
     about = {"study": study.data, "seeds": study.seeds, "plugins": sorted(plugins)}
     replace_file(folder / "study.json", json.dumps(about, indent=2) + "\n")
     runs = list(study.runs())

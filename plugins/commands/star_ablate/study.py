@@ -95,7 +95,7 @@ def _digest(condition: Condition) -> str:
         "levels": condition.levels,
         "mission": mission.source,
         "world": mission.world_file.data,
-        "plugins": {kind: str(part.source) for kind, part in mission.parts.items()},
+        "plugins": {kind: str(choice.source) for kind, choice in mission.plugins.items()},
         "verbs": {action.verb: str(action.source) for action in actions(mission.steps)},
     }
     text = json.dumps(content, sort_keys=True)

@@ -29,7 +29,7 @@ def star_commands() -> Iterator[CommandSpec]:
 
 @hookimpl
 def star_check(mission: Mission, registry: Registry) -> Iterator[Problem]:
-    planner = registry.find("planner", mission.parts["planner"].use).offer
+    planner = registry.find("planner", mission.plugins["planner"].use).offer
     blocked = mission.scene.world.obstacles and not planner.avoids_obstacles
     timed = any(
         step.timeout is not None
@@ -40,7 +40,7 @@ def star_check(mission: Mission, registry: Registry) -> Iterator[Problem]:
     yield from exact_positions_only(mission, registry)
     limits = mission.scene.limits
     uncertain = (
-        registry.find("localizer", mission.parts["localizer"].use).offer.drift is not None
+        registry.find("localizer", mission.plugins["localizer"].use).offer.drift is not None
         and limits.uncertainty_margin > 0
     )
     few = len(mission.scene.agents) <= MOST_COMPARED
@@ -54,7 +54,7 @@ def star_check(mission: Mission, registry: Registry) -> Iterator[Problem]:
 
 def exact_positions_only(mission: Mission, registry: Registry) -> Iterator[Problem]:
     """Warn if an avoider that is made for exact positions has to do with uncertain ones."""
-    scene, avoider = mission.scene, mission.parts["avoider"]
+    scene, avoider = mission.scene, mission.plugins["avoider"]
     uncertain = scene.measures_positions or not scene.exact_odometry
     offers = {name: registry.find("avoider", name).offer for name in registry.names("avoider")}
     if (
@@ -80,9 +80,9 @@ def exact_positions_only(mission: Mission, registry: Registry) -> Iterator[Probl
 
 def follows_surfaces(mission: Mission, registry: Registry) -> bool:
     """Return whether drones climb over obstacles, since their heights are measured from there."""
-    used = mission.parts["transport"]
+    used = mission.plugins["transport"]
     offer = registry.find("transport", used.use).offer
-    localizer = registry.find("localizer", mission.parts["localizer"].use).offer
+    localizer = registry.find("localizer", mission.plugins["localizer"].use).offer
     if localizer.corrects_heights or not mission.scene.world.obstacles:
         return False
     return offer.heights_above_surface is None or offer.heights_above_surface(**used.options)

@@ -36,7 +36,7 @@ def drift_problems(mission: Mission, registry: Registry, rehearsal: Rehearsal) -
         registry: Registry of its plugins.
         rehearsal: Of the mission.
     """
-    scene, localizer = mission.scene, mission.parts["localizer"]
+    scene, localizer = mission.scene, mission.plugins["localizer"]
     offer = registry.find("localizer", localizer.use).offer
     time, position, yaw, airborne = rehearsal.sampled(PERIOD)
     std = offer.drift(scene, time, position, yaw, **localizer.options)
@@ -74,7 +74,7 @@ def pair_problems(mission: Mission, flight: DryFlight) -> Iterator[Problem]:
     the rest.
     """
     limits, scene = mission.scene.limits, mission.scene
-    localizer = mission.parts["localizer"]
+    localizer = mission.plugins["localizer"]
     time, position, airborne, std = flight
     base = kept_distance(mission)
     total, worst, where = 0.0, 0.0, ""
@@ -120,7 +120,7 @@ def room_problems(mission: Mission, flight: DryFlight) -> Iterator[Problem]:
     to others that evade too, at greater deviations.
     """
     limits, scene = mission.scene.limits, mission.scene
-    localizer = mission.parts["localizer"]
+    localizer = mission.plugins["localizer"]
     time, std = flight.time, flight.std
     base, n = kept_distance(mission), len(scene.agents)
     evades = _evasions(flight, base, limits.uncertainty_margin, limits.separation)
@@ -238,7 +238,7 @@ def _risk(
     risks = [math.erfc(value / math.sqrt(2)) / 2 for value in rest.min(axis=0).tolist()]
     row = int(np.argmax(risks))
     k = int(at[row])
-    name, use = mission.scene.agents[row].name, mission.parts["localizer"].use
+    name, use = mission.scene.agents[row].name, mission.plugins["localizer"].use
     where = (
         f"{name} is {distance[k, row]:.1f} m from {{}} after about {flight.time[k]:.0f} s of the "
         f"dry run, when its position by {use!r} has a standard deviation of "
@@ -262,8 +262,8 @@ def _clearance(mission: Mission, registry: Registry) -> float:
     """Return the distance that planner or avoider keep to obstacles, m; 0 if neither does."""
     clearances = [0.0]
     for kind, names in (("planner", ("clearance",)), ("avoider", ("clearance", "radius"))):
-        spec = registry.find(kind, mission.parts[kind].use).offer
-        options = mission.parts[kind].options
+        spec = registry.find(kind, mission.plugins[kind].use).offer
+        options = mission.plugins[kind].options
         if spec.avoids_obstacles:
             values = [options.get(name) for name in names]
             clearances += [value for value in values if isinstance(value, int | float)][:1]

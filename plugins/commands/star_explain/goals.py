@@ -53,7 +53,7 @@ def _faults(
     goals: Sequence[tuple[float, float, float]], mission: Mission, registry: Registry
 ) -> list[str]:
     """Return why agents cannot fly to goals, empty where they can, one each."""
-    planner = mission.parts["planner"]
+    planner = mission.plugins["planner"]
     offer = registry.find("planner", planner.use).offer
     faults = [mission.scene.position_fault(goal) or "" for goal in goals]
     if offer.check_goals is not None:

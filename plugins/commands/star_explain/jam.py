@@ -33,7 +33,7 @@ def jam_problems(mission: Mission, registry: Registry, rehearsal: Rehearsal) -> 
         rehearsal: Of the mission.
     """
     limits, scene = mission.scene.limits, mission.scene
-    localizer = mission.parts["localizer"]
+    localizer = mission.plugins["localizer"]
     offer = registry.find("localizer", localizer.use).offer
     time, position, yaw, airborne = rehearsal.sampled(PERIOD)
     std = offer.drift(scene, time, position, yaw, **localizer.options)

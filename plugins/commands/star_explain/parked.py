@@ -32,7 +32,7 @@ def parked_problems(
         registry: Registry of its plugins.
         rehearsal: Of the mission, in which agents keep their distance.
     """
-    scene, avoider = mission.scene, mission.parts["avoider"]
+    scene, avoider = mission.scene, mission.plugins["avoider"]
     if "radius" not in avoider.options or (
         registry.find("avoider", avoider.use).offer.uncertain_positions
     ):

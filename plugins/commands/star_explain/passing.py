@@ -34,7 +34,7 @@ class Passing:
         n = len(mission.scene.agents)
         self._distance = kept_distance(mission)
         self._vertical = mission.scene.limits.vertical_separation
-        self._avoids = "radius" in mission.parts["avoider"].options and 1 < n <= MOST
+        self._avoids = "radius" in mission.plugins["avoider"].options and 1 < n <= MOST
         self._pairs = np.triu_indices(n if self._avoids else 0, 1)
         self._goal = np.full((n, 3), np.nan)  # m, of the last call
         self._nearest = np.full(n, np.inf)  # m from it so far

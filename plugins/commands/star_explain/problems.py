@@ -23,7 +23,7 @@ def problems(
     If positions drift, also agents that come too near to others, obstacles or fence for that; if
     there are margins for it, also agents that these leave no room to pass each other.
     """
-    avoider = registry.find("avoider", mission.parts["avoider"].use).offer
+    avoider = registry.find("avoider", mission.plugins["avoider"].use).offer
     others = [
         name
         for name in registry.names("planner")
@@ -38,7 +38,7 @@ def problems(
             text = f"{step.action.verb} {step.fault}"
             yield Problem((*path, "timeout"), text, "timeout-too-short")
         for blocked in step.blocked:
-            text = f"{blocked}: planner {mission.parts['planner'].use!r} ignores obstacles{hint}"
+            text = f"{blocked}: planner {mission.plugins['planner'].use!r} ignores obstacles{hint}"
             yield Problem(path, text, "path-blocked", warning=avoider.avoids_obstacles)
         for surface in step.surfaces:
             yield Problem(path, surface, "over-obstacle", warning=True)

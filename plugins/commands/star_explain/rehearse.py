@@ -110,8 +110,8 @@ class _Handling(NamedTuple):
 
 def _handling(mission: Mission, registry: Registry) -> _Handling:
     """Return how the drones of a mission fly."""
-    gain = mission.parts["planner"].options.get("gain", GAIN)
-    transport = mission.parts["transport"]
+    gain = mission.plugins["planner"].options.get("gain", GAIN)
+    transport = mission.plugins["transport"]
     exact_control = registry.find("transport", transport.use).offer.exact_control
     exact = exact_control is not None and exact_control(**transport.options)
     return _Handling(

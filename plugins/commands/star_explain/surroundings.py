@@ -25,7 +25,7 @@ class Surroundings:
     def __init__(self, mission: Mission, registry: Registry, rehearsal: Rehearsal) -> None:
         self._scene = mission.scene
         self._rehearsal = rehearsal
-        planner = registry.find("planner", mission.parts["planner"].use).offer
+        planner = registry.find("planner", mission.plugins["planner"].use).offer
         self._ignores_obstacles = not planner.avoids_obstacles
         self._surfaces_matter = follows_surfaces(mission, registry)
 

@@ -81,10 +81,10 @@ def facts(mission: Mission, registry: Registry) -> Iterator[str]:
     yield from _swarm(mission)
     yield ""
     yield "parts"
-    for part in mission.parts.values():
-        schema = registry.find(part.kind, part.use).offer.options
-        written, rest = options(part.written), options(left_out(part.written, schema))
-        yield f"  {part.kind:11}{part.use}{f'  {written}' if written else ''}"
+    for choice in mission.plugins.values():
+        schema = registry.find(choice.kind, choice.use).offer.options
+        written, rest = options(choice.written), options(left_out(choice.written, schema))
+        yield f"  {choice.kind:11}{choice.use}{f'  {written}' if written else ''}"
         if rest:
             yield f"{'':13}by default {rest}"
     yield ""

@@ -199,8 +199,8 @@ def _of_simulator(mission: Mission, *, render: bool) -> dict[str, Any]:
         mission: The mission.
         render: Whether cameras are streamed; they are then rendered, whatever the mission's mode.
     """
-    part = mission.parts["transport"]
-    options = fill_defaults(part.options if part.use == "sim" else {}, OPTIONS)
+    choice = mission.plugins["transport"]
+    options = fill_defaults(choice.options if choice.use == "sim" else {}, OPTIONS)
     options["camera"] = {**options.get("camera", {}), "mode": "rendered" if render else "off"}
     del options["speed"]  # the fleet's own
     return simulator_arguments(**options)

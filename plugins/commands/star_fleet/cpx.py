@@ -209,7 +209,7 @@ class TcpPort:
             ) from error
         self.address: tuple[str, int] = listener.getsockname()[:2]
         board = switchboard or Switchboard()
-        self._own = None if board is switchboard else board
+        self._own_board = None if board is switchboard else board
         self._loop = board.loop
         self._max_waiting = max_waiting
         self._waiting: deque[bytes] = deque()
@@ -258,8 +258,8 @@ class TcpPort:
         if self._serving.cancel():
             self._ended.wait(CLOSE_TIMEOUT)
         self._listener.close()
-        if self._own is not None:
-            self._own.close()
+        if self._own_board is not None:
+            self._own_board.close()
 
     def __enter__(self) -> Self:
         return self

@@ -48,7 +48,7 @@ def _watch(mission: Mission, registry: Registry) -> object:
     from star_view.avoidance import radius
     from star_view.live_view import LiveView
 
-    plugin = mission.parts["avoider"]
+    plugin = mission.plugins["avoider"]
     kept_free = radius(plugin.use, plugin.options, registry)
     return LiveView(kept_free, wait_for_browser=sys.stderr.isatty())
 

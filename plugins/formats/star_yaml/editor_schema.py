@@ -94,7 +94,7 @@ def _admitting(schema: Any) -> Any:
 def _entitle(value: Any, root: Mapping[str, Any]) -> None:
     """Give every property a title that has none and refers to none: its name in words.
 
-    Editors head what they say of a property with its title, or with that of what it is a part of.
+    Editors head the description of a property with its title, or with that of its parent.
     """
     if isinstance(value, list):
         for item in value:

@@ -47,7 +47,7 @@ UNLIMITED: Final[Mapping[str, Any]] = {
 
 
 def load(path: Path | str, registry: Registry, assignments: Sequence[str] = ()) -> Mission:
-    """Read the mission at `path`, set what `assignments` (``path=value``) say, and check it.
+    """Read the mission at `path`, apply `assignments` (``path=value``), and check it.
 
     Raises:
         InputError: The mission or its world cannot be flown; every reason found is listed.
@@ -88,7 +88,7 @@ def checked(written: Document, registry: Registry, assignments: Sequence[str] = 
     return Mission(
         name=data["name"],
         scene=flight,
-        parts={kind: _plugin(kind, data[kind], document.data[kind], registry) for kind in PARTS},
+        plugins={kind: _plugin(kind, data[kind], document.data[kind], registry) for kind in PARTS},
         steps=steps,
         safety=data["safety"],
         reserve=data["reserve"],

@@ -63,7 +63,7 @@ def test_later_factors_set_options_of_earlier_choices(
         HOP + "factors:\n  avoider: {orca: {avoider: orca}}\n  radius: {a: {avoider.radius: 0.2}}\n"
     )
     (condition,) = read(path, registry).conditions
-    assert dict(condition.mission.parts["avoider"].written) == {"radius": 0.2}
+    assert dict(condition.mission.plugins["avoider"].written) == {"radius": 0.2}
 
 
 def test_without_factors_the_missions_are_flown_as_they_are(

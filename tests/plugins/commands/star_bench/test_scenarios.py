@@ -117,7 +117,7 @@ def test_every_scenario_is_a_mission_that_can_be_flown(
     mission = load(path, Registry())
     assert (len(mission.scene.agents), mission.scene.seed) == (agents, 3)
     wanted = {"noise": False, "profile": "ideal", "controller": "ideal"}
-    assert mission.parts["transport"].written == wanted
+    assert mission.plugins["transport"].written == wanted
 
 
 def test_the_circle_is_flown_by_4_to_64() -> None:

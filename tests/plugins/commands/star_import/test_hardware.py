@@ -57,9 +57,9 @@ def on_hardware() -> Mission:
 
 
 def radio_options() -> dict[str, Any]:
-    part = on_hardware().parts["transport"]
-    assert part.use == "radio"
-    return dict(part.written)
+    choice = on_hardware().plugins["transport"]
+    assert choice.use == "radio"
+    return dict(choice.written)
 
 
 def test_robot_parameters_override_type_and_global_parameters(swarm: Swarm) -> None:
@@ -69,7 +69,7 @@ def test_robot_parameters_override_type_and_global_parameters(swarm: Swarm) -> N
         types="{a: {firmware_params: {stabilizer: {controller: 1}, ring: {effect: 3}}}, b: {}}",
         every="{firmware_params: {stabilizer: {estimator: 2, controller: 1}, ring: {effect: 0}}}",
     )
-    assert load(IMPORTED, Registry()).parts["transport"].use == "sim"
+    assert load(IMPORTED, Registry()).plugins["transport"].use == "sim"
     assert radio_options() == {
         "parameters": {
             "stabilizer.estimator": 2,
@@ -139,7 +139,7 @@ def test_deck_addresses_become_cameras_of_the_radio_transport(swarm: Swarm) -> N
 def test_landmarks_enable_rendering_and_report_missing_decks(swarm: Swarm, place: Put) -> None:
     place("lab.yaml", TAGS)
     told = swarm("ip_add: 192.168.1.101", "a: 1", files="lab.yaml")
-    assert load(IMPORTED, Registry()).parts["transport"].written == {}
+    assert load(IMPORTED, Registry()).plugins["transport"].written == {}
     assert radio_options() == {"cameras": {"cf1": "192.168.1.101"}}
     assert "crazyflies: no ip_add for cf2: add the AI-decks' addresses to cameras" in told
 
