@@ -175,6 +175,7 @@ class Lab:
         self.realtime = False
         self.closed: Counter[str] = Counter()
         self.robots: Robots
+        self.robots_class = Robots
         self.ticks: list[star.Tick] = []
         self.events: list[star.Event] = []
         self.phases: list[tuple[float, str | None, str]] = []
@@ -289,7 +290,7 @@ class Lab:
         )
 
     def _robots(self, scene: star.Scene) -> Robots:
-        self.robots = Robots(self._where(scene))
+        self.robots = self.robots_class(self._where(scene))
         return self.robots
 
     def _where(self, scene: star.Scene) -> star.Transform:

@@ -81,16 +81,17 @@ def tracer(lab: Lab) -> Tracer:
 
 
 @pytest.fixture
-def uploads(tracer: Tracer, monkeypatch: pytest.MonkeyPatch) -> list[tuple[Trajectory, ...]]:  # noqa: ARG001 -- it offers the verb
+def uploads(tracer: Tracer, lab: Lab) -> list[tuple[Trajectory, ...]]:  # noqa: ARG001 -- it offers the verb
     """What the robots were given, and when: a transport that flies trajectories."""
-    given: list[tuple[Trajectory, ...]] = []
+    uploaded: list[tuple[Trajectory, ...]] = []
 
-    def upload(self: Robots, trajectories: tuple[Trajectory, ...]) -> None:
-        assert not self.commands
-        given.append(trajectories)
+    class TrajectoryRobots(Robots):
+        def upload(self, trajectories: tuple[Trajectory, ...]) -> None:
+            assert not self.commands
+            uploaded.append(trajectories)
 
-    monkeypatch.setattr(Robots, "upload", upload, raising=False)
-    return given
+    lab.robots_class = TrajectoryRobots
+    return uploaded
 
 
 def steered(lab: Lab, row: int = 0) -> list[float]:

@@ -540,7 +540,7 @@ def test_a_narrow_gap_is_flown_with_the_widest_clearance_it_has() -> None:
     made, now = planner(gap), with_std(estimate(np.array([[-1.0, 1.0, 1.0]])), 5.0)
     plan = made.plan(now, goals([[1.0, -1.0, 1.0]]))
     assert not plan.unreachable.any()
-    assert made._clearances._flown.tolist() == [2]
+    assert made._clearances._flown_level.tolist() == [2]
 
 
 def test_uncertain_agents_still_reach_goals_at_the_clearance() -> None:
