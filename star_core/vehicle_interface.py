@@ -8,7 +8,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from star_core.execution.targets import Targets
 from star_core.messages.arrays import Mask, Rows, every, frozen, some
 from star_core.messages.commands import Command, Order
 from star_core.messages.state import AIRBORNE, AgentPhase, Estimate, Health, Setpoint
@@ -21,6 +20,7 @@ from star_core.safety.agents_in_the_way import FALL_TIME, MAX_REPORT_AGE, Unhear
 from star_core.safety.estimate_monitor import EstimateMonitor
 from star_core.safety.ground_evidence import ON_BOARD, GroundEvidence
 from star_core.scene import Scene
+from star_core.targets import Targets
 
 log = logging.getLogger(__name__)
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from star_core import Fence, Sightings, Tag, World
-from star_core.execution.targets import MIN_SIGHTINGS, Targets
+from star_core.targets import MIN_SIGHTINGS, Targets
 from star_core.testing import scene
 
 LEVEL = (0.0, 0.0, 0.0, 1.0)
