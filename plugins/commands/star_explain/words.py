@@ -80,7 +80,7 @@ def facts(mission: Mission, registry: Registry) -> Iterator[str]:
     yield ""
     yield from _swarm(mission)
     yield ""
-    yield "parts"
+    yield "plugins"
     for choice in mission.plugins.values():
         schema = registry.find(choice.kind, choice.use).offer.options
         written, rest = options(choice.written), options(left_out(choice.written, schema))
