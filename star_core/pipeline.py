@@ -45,7 +45,7 @@ from star_core.plugin_support.guard import (
     require_methods,
     require_signature,
 )
-from star_core.plugin_support.option_schema import PARTS
+from star_core.plugin_support.option_schema import PIPELINE_KINDS
 from star_core.plugin_support.outputs import (
     checked_location,
     checked_plan,
@@ -151,11 +151,13 @@ class PluginPipeline:
         self._sent: Setpoint | None = None  # without agents that have received a command since
         self._truth_failed = False
         self.safety_time = Stopwatch(perf_counter)
-        self._stages = {kind: self._stage(kind, mission) for kind in PARTS}
+        self._stages = {kind: self._stage(kind, mission) for kind in PIPELINE_KINDS}
         self._transport, self._localizer, self._planner, self._avoider = map(
-            self._stages.__getitem__, ("transport", "localizer", "planner", "avoider")
+            self._stages.__getitem__, PIPELINE_KINDS
         )
-        specs = {kind: registry.find(kind, mission.plugins[kind].use).offer for kind in PARTS}
+        specs = {
+            kind: registry.find(kind, mission.plugins[kind].use).offer for kind in PIPELINE_KINDS
+        }
         self._check_goals = specs["planner"].check_goals
         self._planner_options = dict(mission.plugins["planner"].options)
         try:

@@ -10,7 +10,7 @@ from star_core.commands.output import replace_file as replace_file
 from star_core.commands.output import write_report as write_report
 from star_core.commands.output import writing as writing
 from star_core.plugin_support.discovery import Source as Source
-from star_core.plugin_support.option_schema import PARTS as PARTS
+from star_core.plugin_support.option_schema import PIPELINE_KINDS as PIPELINE_KINDS
 from star_core.plugin_support.option_schema import SHARED as SHARED
 from star_core.plugin_support.specs import CommandSpec as CommandSpec
 from star_core.plugin_support.specs import RunOptionSpec as RunOptionSpec

@@ -1,4 +1,4 @@
-"""What the swarm is to do in a tick: goals and commands, of which each stage returns new ones."""
+"""Instructions for one tick: goals and commands; each stage returns new ones."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ NUMBERS: Final = ("position", "velocity", "yaw", "speed")
 
 
 class Instructions(NamedTuple):
-    """What the swarm is to do in a tick.
+    """Goals and commands of the swarm for one tick.
 
     Attributes:
         goals: Of all agents; they persist from tick to tick.

@@ -1,4 +1,4 @@
-"""What formats of missions share, and what reads files by them."""
+"""Names for plugins that read mission files, and functions that read a file by its format."""
 
 from star_core.lazy_names import lazy_names
 

@@ -16,7 +16,7 @@ from star_core.plugin_support.specs import MissionSpec, Spec, TaskSpec
 
 AnySpec = TypeVar("AnySpec", bound=Spec)
 
-PARTS: Final = ("transport", "localizer", "planner", "avoider")
+PIPELINE_KINDS: Final = ("transport", "localizer", "planner", "avoider")
 """Kinds of plugins that a mission chooses, each by name or as ``{use: name, ...options}``."""
 
 SHARED: Final = ("agents", "until", "timeout", "on_failure")

@@ -1,4 +1,4 @@
-"""What plugins measure of a flight, for its summary."""
+"""Measures that plugins contribute to the summary of a flight."""
 
 from __future__ import annotations
 

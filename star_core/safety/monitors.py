@@ -1,4 +1,4 @@
-"""What guards a flight has one protocol: a monitor checks a stage of the tick, and has findings."""
+"""Monitors: safety checks after the stages of a tick, and the findings that they return."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Stage(Enum):
 
 @dataclass(slots=True)
 class TickState:
-    """What a tick has come to; each stage adds its own.
+    """State of the current tick; each stage adds its results.
 
     Attributes:
         telemetry: Received.
@@ -65,7 +65,7 @@ class TickState:
 
 
 class SafetyAction(IntEnum):
-    """What is done with an agent that is removed from the mission, the mildest first."""
+    """Actions on an agent that is removed from the mission, the mildest first."""
 
     NOTHING = 0
     HOLD = 1
@@ -129,7 +129,7 @@ class Monitor(Protocol):
 
 
 class PendingStrikes:
-    """Lets all agents brake in a tick in which a plugin has failed, and the failure is tolerated.
+    """Brakes all agents in a tick in which a plugin has failed and the failure is tolerated.
 
     Args:
         strikes: Counts the failures.

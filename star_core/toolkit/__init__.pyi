@@ -1,5 +1,6 @@
 # The public names of `star_core.toolkit` and their modules, listed once.
 
+from star_core.contracts import InjectsFaults as InjectsFaults
 from star_core.contracts import Paced as Paced
 from star_core.errors import shortlist as shortlist
 from star_core.errors import suggestion as suggestion

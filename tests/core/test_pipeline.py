@@ -42,7 +42,7 @@ NAMED = {
     "avoider": "avoider 'idle' (their-dist 1.2:lab)",
     "wait": "task 'wait' (their-dist 1.2:lab)",
 }
-PARTS = ("transport", "localizer", "planner", "avoider")
+PIPELINE_KINDS = ("transport", "localizer", "planner", "avoider")
 FLYING = range(20, 10**6)  # calls: the agents fly from the 11th tick to the 31st
 ONCE = range(20, 21)
 BOOM = RuntimeError("boom")
@@ -92,8 +92,14 @@ def test_plugins_already_made_are_closed_if_the_next_fails(lab: Lab, role: str) 
     lab.spoil(role, "make", BOOM)
     with pytest.raises(PluginError):
         lab.fly()
-    made = [kind for kind in PARTS if role == "wait" or PARTS.index(kind) < PARTS.index(role)]
-    assert {kind: lab.closed[kind] for kind in PARTS} == {k: int(k in made) for k in PARTS}
+    made = [
+        kind
+        for kind in PIPELINE_KINDS
+        if role == "wait" or PIPELINE_KINDS.index(kind) < PIPELINE_KINDS.index(role)
+    ]
+    assert {kind: lab.closed[kind] for kind in PIPELINE_KINDS} == {
+        k: int(k in made) for k in PIPELINE_KINDS
+    }
 
 
 def test_failing_links_are_reported_and_all_plugins_closed(lab: Lab) -> None:
@@ -102,7 +108,7 @@ def test_failing_links_are_reported_and_all_plugins_closed(lab: Lab) -> None:
         lab.fly()
     assert str(caught.value) == f"{NAMED['transport']}: cannot reach cf2 [plugin-failed]"
     assert lab.ticks == []
-    assert {kind: lab.closed[kind] for kind in PARTS} == dict.fromkeys(PARTS, 1)
+    assert {kind: lab.closed[kind] for kind in PIPELINE_KINDS} == dict.fromkeys(PIPELINE_KINDS, 1)
 
 
 @pytest.mark.parametrize(
@@ -271,13 +277,13 @@ def test_plugins_with_wrong_signatures_are_reported_with_line(
     )
 
 
-@pytest.mark.parametrize("spoilt", [None, *PARTS])
+@pytest.mark.parametrize("spoilt", [None, *PIPELINE_KINDS])
 def test_every_part_is_closed_once_however_a_mission_ends(lab: Lab, spoilt: str | None) -> None:
     method = {"localizer": "locate", "planner": "plan", "avoider": "avoid", "transport": "wait"}
     if spoilt:
         lab.spoil(spoilt, method[spoilt], BOOM, FLYING)
     lab.fly()
-    assert {kind: lab.closed[kind] for kind in PARTS} == dict.fromkeys(PARTS, 1)
+    assert {kind: lab.closed[kind] for kind in PIPELINE_KINDS} == dict.fromkeys(PIPELINE_KINDS, 1)
 
 
 def test_every_task_is_closed_once(lab: Lab) -> None:
@@ -288,7 +294,7 @@ def test_every_task_is_closed_once(lab: Lab) -> None:
 
 
 @pytest.mark.parametrize("wrong", [BOOM, SystemExit("bye")], ids=["raises", "exits"])
-@pytest.mark.parametrize("role", PARTS)
+@pytest.mark.parametrize("role", PIPELINE_KINDS)
 def test_plugins_failing_to_close_are_reported_and_others_closed(
     lab: Lab, role: str, wrong: Wrong
 ) -> None:
@@ -298,7 +304,9 @@ def test_plugins_failing_to_close_are_reported_and_others_closed(
     assert text.startswith(f"{NAMED[role]}: {type(wrong).__name__}: {wrong} (")
     assert text in [event["text"] for event in summary["events"]]
     assert summary["outcome"] == "completed"
-    assert {kind: lab.closed[kind] for kind in PARTS} == {k: int(k != role) for k in PARTS}
+    assert {kind: lab.closed[kind] for kind in PIPELINE_KINDS} == {
+        k: int(k != role) for k in PIPELINE_KINDS
+    }
 
 
 def test_a_part_needs_no_close(lab: Lab) -> None:

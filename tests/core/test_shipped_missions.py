@@ -59,7 +59,7 @@ def test_first_flight_notes_its_hardware_requirements() -> None:
 def test_checking_the_missions_imports_nothing_heavy() -> None:
     """Between them they use every verb and plugin, so this holds for all built-in checks.
 
-    The dry run imports numpy, and for more than four agents scipy.
+    The rehearsal imports numpy, and for more than four agents scipy.
     """
     paths = [str(path) for path in FILES if path.stem not in {"search", "search_flow"}]
     ask = (

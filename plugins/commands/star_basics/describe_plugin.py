@@ -9,7 +9,7 @@ from typing import Any, Final
 from star_basics.columns import text_width
 from star_basics.list_plugins import options_of
 from star_core import TaskSpec
-from star_core.commands import PARTS, SHARED, Found
+from star_core.commands import PIPELINE_KINDS, SHARED, Found
 from star_core.toolkit import flow
 
 MAX_DEPTH: Final = 4  # levels of maps inside options that are described
@@ -43,7 +43,7 @@ def _usage(kind: str, plugin: Found) -> str:
     if kind == "task":
         example = flow(next(iter(schema.get("examples", ())), {}))
         return f"Example: - {name}: {example}. All verbs also have: {', '.join(SHARED)}."
-    if kind in PARTS:
+    if kind in PIPELINE_KINDS:
         defaults = {key: rules["default"] for key, rules in schema.get("properties", {}).items()
                  if isinstance(rules, dict) and rules.get("default") is not None}  # fmt: skip
         some = dict(list(defaults.items())[:1])

@@ -1,4 +1,4 @@
-"""Agents that are to hover nearer to each other than core and avoider let them."""
+"""Goals that are nearer to each other than core and avoider keep agents apart."""
 
 from __future__ import annotations
 

@@ -40,7 +40,7 @@ def drift_problems(mission: Mission, registry: Registry, rehearsal: Rehearsal) -
     offer = registry.find("localizer", localizer.use).offer
     time, position, yaw, airborne = rehearsal.sampled(PERIOD)
     std = offer.drift(scene, time, position, yaw, **localizer.options)
-    flight = DryFlight(time, position, airborne, std)
+    flight = RehearsedFlight(time, position, airborne, std)
     if mission.scene.limits.separation > 0:
         near = [*pair_problems(mission, flight)]
         yield from near or room_problems(mission, flight)
@@ -48,8 +48,8 @@ def drift_problems(mission: Mission, registry: Registry, rehearsal: Rehearsal) -
     yield from fence_problems(mission, flight)
 
 
-class DryFlight(NamedTuple):
-    """A dry run with the expected errors of the positions.
+class RehearsedFlight(NamedTuple):
+    """A rehearsal with the expected errors of the positions.
 
     Attributes:
         time: (T,) s.
@@ -64,7 +64,7 @@ class DryFlight(NamedTuple):
     std: Array
 
 
-def pair_problems(mission: Mission, flight: DryFlight) -> Iterator[Problem]:
+def pair_problems(mission: Mission, flight: RehearsedFlight) -> Iterator[Problem]:
     """Warn if agents probably come closer than the separation because their positions drift.
 
     By their estimated positions, two agents whose goals are near to each other keep the separation,
@@ -97,7 +97,7 @@ def pair_problems(mission: Mission, flight: DryFlight) -> Iterator[Problem]:
             worst = risk
             where = (
                 f"{scene.named((first, second))} are {planned[at]:.1f} m apart after about "
-                f"{time[at]:.0f} s of the dry run, when positions by {localizer.use!r} have a "
+                f"{time[at]:.0f} s of the rehearsal, when positions by {localizer.use!r} have a "
                 f"standard deviation of {std[at, [first, second]].max():.2f} m"
             )
     if total > MAX_RISK:
@@ -111,7 +111,7 @@ def pair_problems(mission: Mission, flight: DryFlight) -> Iterator[Problem]:
         )
 
 
-def room_problems(mission: Mission, flight: DryFlight) -> Iterator[Problem]:
+def room_problems(mission: Mission, flight: RehearsedFlight) -> Iterator[Problem]:
     """Warn if two agents have so little room between them that the core lands one of them.
 
     They need `Limits.uncertainty_margin` standard deviations of their distance, and `ALONE_SHARE`
@@ -144,21 +144,21 @@ def room_problems(mission: Mission, flight: DryFlight) -> Iterator[Problem]:
         yield Problem(
             ("localizer",),
             f"{scene.named((row, other))} have no room between them after about "
-            f"{time[k]:.0f} s of the dry run, when positions by {localizer.use!r} have a standard "
-            f"deviation of {std[k, [row, other]].max():.2f} m: one of them lands; keep them "
-            "farther apart, shorten the mission, or locate them better",
+            f"{time[k]:.0f} s of the rehearsal, when positions by {localizer.use!r} have a "
+            f"standard deviation of {std[k, [row, other]].max():.2f} m: one of them lands; keep "
+            "them farther apart, shorten the mission, or locate them better",
             "no-room-for-drift",
             warning=True,
         )
 
 
-def _evasions(flight: DryFlight, base: float, deviations: float, vertical: float) -> Array:
+def _evasions(flight: RehearsedFlight, base: float, deviations: float, vertical: float) -> Array:
     """Return how far agents leave their paths to pass others: (T, N) m.
 
     Each of two agents makes way for half of what their paths lack to the distance that they keep.
 
     Args:
-        flight: The dry run.
+        flight: The rehearsal.
         base: Distance that two agents keep without margins, m.
         deviations: Number of standard deviations of the margins.
         vertical: Difference in height from which on agents do not matter, m.
@@ -175,7 +175,7 @@ def _evasions(flight: DryFlight, base: float, deviations: float, vertical: float
 
 
 def _encounter(
-    flight: DryFlight, first: int, second: int, vertical: float
+    flight: RehearsedFlight, first: int, second: int, vertical: float
 ) -> tuple[Array, Mask, Mask]:
     """Return the planned distance of two agents in the plane, (T,) m, and when they pass, and meet.
 
@@ -188,7 +188,9 @@ def _encounter(
     return np.hypot(offset[:, 0], offset[:, 1]), passing, level
 
 
-def obstacle_problems(mission: Mission, registry: Registry, flight: DryFlight) -> Iterator[Problem]:
+def obstacle_problems(
+    mission: Mission, registry: Registry, flight: RehearsedFlight
+) -> Iterator[Problem]:
     """Warn if agents probably touch obstacles because their positions drift.
 
     By its estimated position an agent keeps the clearance of planner or avoider, or what the dry
@@ -211,7 +213,7 @@ def obstacle_problems(mission: Mission, registry: Registry, flight: DryFlight) -
     yield from _wall_problem(total, where, "agents touch obstacles")
 
 
-def fence_problems(mission: Mission, flight: DryFlight) -> Iterator[Problem]:
+def fence_problems(mission: Mission, flight: RehearsedFlight) -> Iterator[Problem]:
     """Warn if agents probably leave the fence by more than `FENCE_TOLERANCE` by their drift."""
     fence = mission.scene.world.fence
     low, high = np.array(fence.low[:2]), np.array(fence.high[:2])
@@ -224,13 +226,13 @@ def fence_problems(mission: Mission, flight: DryFlight) -> Iterator[Problem]:
 
 
 def _risk(
-    mission: Mission, flight: DryFlight, rest: Array, distance: Array
+    mission: Mission, flight: RehearsedFlight, rest: Array, distance: Array
 ) -> tuple[float, float, str]:
     """Return the sum of the agents' risks, the greatest one, and where that is.
 
     Args:
         mission: The mission.
-        flight: Its dry run.
+        flight: Its rehearsal.
         rest: (T, N) errors that agents can afford, in standard deviations.
         distance: (T, N) planned ones, for the text, m.
     """
@@ -241,7 +243,7 @@ def _risk(
     name, use = mission.scene.agents[row].name, mission.plugins["localizer"].use
     where = (
         f"{name} is {distance[k, row]:.1f} m from {{}} after about {flight.time[k]:.0f} s of the "
-        f"dry run, when its position by {use!r} has a standard deviation of "
+        f"rehearsal, when its position by {use!r} has a standard deviation of "
         f"{flight.std[k, row]:.2f} m"
     )
     return math.fsum(risks), risks[row], where

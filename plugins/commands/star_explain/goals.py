@@ -8,19 +8,19 @@ from typing import Final
 from star_core import Mission, Problem, Registry
 from star_explain.results import StepResult
 
-ERROR: Final = 0.1  # m, by which a take-off differs from the dry run
+ERROR: Final = 0.1  # m, by which a take-off differs from the rehearsal
 AROUND: Final = ((0.0, 0.0), (ERROR, 0.0), (-ERROR, 0.0), (0.0, ERROR), (0.0, -ERROR))
 
 
 def goal_problems(step: StepResult, mission: Mission, registry: Registry) -> Iterator[Problem]:
-    """Yield why the agents of a step cannot fly to goals that only the dry run knows.
+    """Yield why the agents of a step cannot fly to goals that only the rehearsal knows.
 
-    It is a warning if the agents may begin elsewhere than in the dry run, if the step may end
+    It is a warning if the agents may begin elsewhere than in the rehearsal, if the step may end
     before, or if the mission continues after its failure. A goal that follows from where an agent
     took off may be off by `ERROR`: that no agent could fly to it then is a warning too.
 
     Args:
-        step: Of the dry run.
+        step: Of the rehearsal.
         mission: The mission.
         registry: Registry of its plugins.
     """
@@ -28,7 +28,7 @@ def goal_problems(step: StepResult, mission: Mission, registry: Registry) -> Ite
     path = (*action.path, action.verb)
     sure = step.certain and action.until is None and action.on_failure == "abort"
     if step.failed:
-        text = f"{action.verb} fails in the dry run: {step.fault}"
+        text = f"{action.verb} fails in the rehearsal: {step.fault}"
         yield Problem(path, text, "unreachable-goal", warning=not sure)
         return
     for name, (x, y, z) in zip(step.agents, step.ends, strict=False):

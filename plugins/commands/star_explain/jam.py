@@ -59,7 +59,7 @@ def jam_problems(mission: Mission, registry: Registry, rehearsal: Rehearsal) -> 
                 ("localizer",),
                 f"paths lead agents past each other at {distance:.2f} m, and with the drift of "
                 f"{localizer.use!r} they keep {kept:.2f} m apart from about {time[rows[0]]:.0f} s "
-                "of the dry run on: they slow down or jam; give them more space, shorten the "
+                "of the rehearsal on: they slow down or jam; give them more space, shorten the "
                 "mission, or locate them better",
                 "margins-exceed-paths",
                 warning=True,

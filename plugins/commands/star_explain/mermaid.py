@@ -98,4 +98,4 @@ def _rows(result: StepResult) -> Iterator[str]:
     yield from ending(result)
     for fault in (result.fault, *result.blocked):
         if fault:
-            yield f"! in the dry run: {fault}"
+            yield f"! in the rehearsal: {fault}"

@@ -1,4 +1,4 @@
-"""Whether agents begin their steps where the rehearsal has them, and how exactly."""
+"""Start positions of steps: whether they are those of the rehearsal, and how exactly."""
 
 from __future__ import annotations
 

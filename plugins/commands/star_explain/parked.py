@@ -15,7 +15,7 @@ from star_explain.separation import kept_distance
 PERIOD: Final = 0.5  # s
 MIN_SPEED: Final = 0.1  # m/s of an agent on its way
 PARKED_SPEED: Final = 0.05  # m/s, below which an agent hovers
-EVADED: Final = 0.05  # m beyond the distance that agents keep: nearer ones make way in a rehearsal
+DISTANCE_TOLERANCE: Final = 0.05  # m, beyond the distance that agents of a rehearsal keep
 
 
 def parked_problems(
@@ -46,7 +46,7 @@ def parked_problems(
         meets = airborne[:, row] & airborne[:, other]
         meets &= np.abs(offset[:, 2]) < scene.limits.vertical_separation
         meets &= (speed[:, row] > MIN_SPEED) & (speed[:, other] < PARKED_SPEED)
-        meets &= np.hypot(offset[:, 0], offset[:, 1]) < kept_distance(mission) + EVADED
+        meets &= np.hypot(offset[:, 0], offset[:, 1]) < kept_distance(mission) + DISTANCE_TOLERANCE
         if meets.any():
             yield Problem(
                 ("avoider",),

@@ -1,4 +1,4 @@
-"""How agents pass each other in a rehearsal."""
+"""Evasion: agents of a rehearsal pass each other at the distance that they keep."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from star_core import Array, Goals, Mask, Mission
 from star_explain.separation import kept_distance
 
 HORIZON: Final = 2.0  # s, before which agents begin to give way
-MOST: Final = 30  # agents: pairs of more take long, and are not considered
-ARRIVED: Final = 0.1  # m, by which agents may be nearer to each other than their goals are
-PROGRESS: Final = 0.02  # m
-PATIENCE: Final = 3.0  # s without `PROGRESS`, after which an agent flies to its goal all the same
+MAX_AGENTS: Final = 30  # agents: pairs of more take long, and are not considered
+ARRIVAL_TOLERANCE: Final = 0.1  # m, distance from a goal at which an agent has arrived
+MIN_PROGRESS: Final = 0.02  # m
+PATIENCE: Final = 3.0  # s without `MIN_PROGRESS`; then an agent flies straight to its goal
 TINY: Final = 1e-9  # m/s or m
 
 
 class Passing:
-    """Lets agents give way to each other, in the plane, so that both share the detour.
+    """Makes agents give way to each other in the plane, so that both share the detour.
 
     Each agent of a pair takes half of the least change of their relative velocity that keeps their
     distance for `HORIZON`, as with optimal reciprocal collision avoidance (van den Berg et al.,
@@ -34,7 +34,7 @@ class Passing:
         n = len(mission.scene.agents)
         self._distance = kept_distance(mission)
         self._vertical = mission.scene.limits.vertical_separation
-        self._avoids = "radius" in mission.plugins["avoider"].options and 1 < n <= MOST
+        self._avoids = "radius" in mission.plugins["avoider"].options and 1 < n <= MAX_AGENTS
         self._pairs = np.triu_indices(n if self._avoids else 0, 1)
         self._goal = np.full((n, 3), np.nan)  # m, of the last call
         self._nearest = np.full(n, np.inf)  # m from it so far
@@ -66,7 +66,7 @@ class Passing:
             return velocity
         first, second, offset = first[near], second[near], offset[near, :2]
         ends = goals.position[second, :2] - goals.position[first, :2]
-        kept = np.minimum(self._distance, np.hypot(ends[:, 0], ends[:, 1]) - ARRIVED)
+        kept = np.minimum(self._distance, np.hypot(ends[:, 0], ends[:, 1]) - ARRIVAL_TOLERANCE)
         kept = np.clip(kept, 0.0, (1 - TINY) * apart[near])
         change = least_change(offset, relative[near], kept) / 2
         passing = velocity.copy()
@@ -82,9 +82,9 @@ class Passing:
         distance = np.sqrt(np.vecdot(away, away))
         begins = (goals.position != self._goal).any(axis=1)
         self._goal = goals.position
-        nearer = begins | (distance < self._nearest - PROGRESS)
+        nearer = begins | (distance < self._nearest - MIN_PROGRESS)
         self._nearest = np.where(nearer, distance, self._nearest)
-        self._since = np.where(nearer | (distance < ARRIVED), time, self._since)
+        self._since = np.where(nearer | (distance < ARRIVAL_TOLERANCE), time, self._since)
         return time - self._since < PATIENCE
 
 

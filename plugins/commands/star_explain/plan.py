@@ -99,4 +99,4 @@ def _step(result: StepResult, number: str, indent: str, registry: Registry) -> I
     yield f"{inside}{'; '.join([times(result), *ending(result)])}"
     for fault in (result.fault, *result.blocked):
         if fault:
-            yield f"{inside}! in the dry run: {fault}"
+            yield f"{inside}! in the rehearsal: {fault}"

@@ -1,4 +1,4 @@
-"""What a dry run shows to be wrong with a mission, for ``star check``."""
+"""What a rehearsal shows to be wrong with a mission, for ``star check``."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from star_explain.results import results, steps_of
 def problems(
     mission: Mission, registry: Registry, *, drifts: bool, margins: bool
 ) -> Iterator[Problem]:
-    """Yield what a dry run finds: timeouts, goals, and obstacles in the way of agents or below.
+    """Yield what a rehearsal finds: timeouts, goals, and obstacles in the way of agents or below.
 
     If positions drift, also agents that come too near to others, obstacles or fence for that; if
     there are margins for it, also agents that these leave no room to pass each other.

@@ -35,19 +35,19 @@ from star_explain.rehearsed_task import RehearsedTask
 TICK: Final = 0.1  # s
 GAIN: Final = 1.5  # 1/s, of a planner without this option
 BRAKING: Final = 0.5  # of the greatest acceleration, as `PositionController`
-TRACKING: Final = 0.87
+SPEED_SHARE: Final = 0.87
 """Share of the velocity of a setpoint that a drone flies: drag and errors of the estimate leave
 those in the default world of `sim` between 0.8 and 1.1 times 0.5 m/s."""
-LANDED_AFTER: Final = 2.1  # s, after the end of a landing; the firmware reports flying for 2 s
-SETTLED_AFTER: Final = 0.9  # s, after the end of a climb, at rest vertically; in the default world
-LONGEST: Final = 1800.0  # s, after which further rounds of steps are left out
+LANDED_DELAY: Final = 2.1  # s, after the end of a landing; the firmware reports flying for 2 s
+SETTLING_TIME: Final = 0.9  # s, after the end of a climb, at rest vertically; in the default world
+MAX_DURATION: Final = 1800.0  # s, after which further rounds of steps are left out
 
 
 def rehearse(mission: Mission, registry: Registry) -> Rehearsal:
     """Return a rehearsal of a mission.
 
     Steps whose tasks hold resources exclusively are left out, and so are further rounds of a step
-    after `LONGEST`: the durations of both are unknown.
+    after `MAX_DURATION`: the durations of both are unknown.
 
     Args:
         mission: To rehearse.
@@ -95,7 +95,7 @@ class _Tasks:
 
 
 class _Handling(NamedTuple):
-    """How drones fly to their goals.
+    """Response of the drones to setpoints and commands.
 
     Attributes:
         gain: Speed by distance, 1/s.
@@ -116,8 +116,8 @@ def _handling(mission: Mission, registry: Registry) -> _Handling:
     exact = exact_control is not None and exact_control(**transport.options)
     return _Handling(
         float(gain) if isinstance(gain, int | float) else GAIN,
-        1.0 if exact else TRACKING,
-        {Order.TAKEOFF: 0.0 if exact else SETTLED_AFTER, Order.LAND: LANDED_AFTER},
+        1.0 if exact else SPEED_SHARE,
+        {Order.TAKEOFF: 0.0 if exact else SETTLING_TIME, Order.LAND: LANDED_DELAY},
     )
 
 
@@ -135,7 +135,7 @@ def _run(mission: Mission, runner: MissionSteps, tasks: _Tasks, handling: _Handl
     tracks = _Tracks()
     tick, status = 0, Status.RUNNING
     while True:
-        tasks.late = swarm.time > LONGEST
+        tasks.late = swarm.time > MAX_DURATION
         try:
             status, instructions = runner.step(swarm.estimate(), swarm.health())
         except PluginError as error:

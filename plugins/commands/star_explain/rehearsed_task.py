@@ -1,4 +1,4 @@
-"""A task in a rehearsal: it notes how its step goes, and never fails."""
+"""A task in a rehearsal: it records the outcome of its step, and never fails."""
 
 from __future__ import annotations
 

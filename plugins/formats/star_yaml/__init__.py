@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from star_core import InputError, Problem, Registry, deferred, hookimpl
-from star_core.commands import PARTS
+from star_core.commands import PIPELINE_KINDS
 from star_core.formats import FileKindSpec, FormatSpec, SourceFile
 
 if TYPE_CHECKING:
@@ -60,7 +60,8 @@ def star_file_kinds() -> Iterator[FileKindSpec]:
         name="mission",
         summary="A mission: world, swarm, plugins and steps.",
         noun="a mission",
-        keys=("mission", "world", "swarm", "agents", "drones", *PARTS),  # `agents` is for `swarm`
+        # `agents` and `drones` are mistakes for `swarm`
+        keys=("mission", "world", "swarm", "agents", "drones", *PIPELINE_KINDS),
         schema=_mission_schema,
         hints={"study": "`star run` flies it"},
     )

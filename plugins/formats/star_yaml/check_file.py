@@ -39,10 +39,8 @@ def check_file(
 
 def _checked(document: Document, kind: FileKindSpec, registry: Registry) -> str:
     """Check a file of a kind that is neither a mission nor steps."""
-    if kind.schema is not None and (
-        mission_problems := schema.problems(document, kind.schema(registry))
-    ):
-        raise InputError(mission_problems)
+    if kind.schema is not None and (problems := schema.problems(document, kind.schema(registry))):
+        raise InputError(problems)
     return kind.check(document, registry) if kind.check is not None else kind.noun
 
 

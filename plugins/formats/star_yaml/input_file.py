@@ -10,12 +10,12 @@ from pathlib import Path
 from typing import Any, Final
 
 from star_core import InputError, Registry
-from star_core.commands import PARTS
+from star_core.commands import PIPELINE_KINDS
 from star_core.formats import Document, Mark, Value, printable, shown
 from star_core.toolkit import suggestion
 from star_yaml.yaml_reader import parse, read_yaml
 
-_NEEDED: Final = ("world", "swarm", *PARTS)  # what steps lack to be a mission
+_NEEDED: Final = ("world", "swarm", *PIPELINE_KINDS)  # what steps lack to be a mission
 
 
 def read(path: Path) -> Document:
@@ -170,7 +170,7 @@ def _put(into: Value, names: Sequence[str], at: Sequence[str], value: Value) -> 
     if not names:
         return value
     name, *rest = names
-    if isinstance(into.data, str) and len(at) == 1 and at[0] in PARTS:
+    if isinstance(into.data, str) and len(at) == 1 and at[0] in PIPELINE_KINDS:
         into = replace(into, data={"use": into})
     if isinstance(into.data, dict):
         inner = into.data.get(name, Value({}, value.mark, value.mark))

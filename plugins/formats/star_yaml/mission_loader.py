@@ -23,7 +23,7 @@ from star_core import (
     Scene,
     World,
 )
-from star_core.commands import PARTS
+from star_core.commands import PIPELINE_KINDS
 from star_core.formats import Document, PluginChoice, inside
 from star_core.toolkit import PluginGuard, fill_defaults
 from star_yaml import schema, world_loader
@@ -71,7 +71,7 @@ def checked(written: Document, registry: Registry, assignments: Sequence[str] = 
     data = sound_parts(document.data, refused, composed)
     if data is None:
         raise InputError(document.in_order(problems))
-    data |= {kind: _with_defaults(kind, data[kind], registry) for kind in PARTS}
+    data |= {kind: _with_defaults(kind, data[kind], registry) for kind in PIPELINE_KINDS}
     properties = _transport_properties(data["transport"], registry)
     flight = replace(scene(document.path.parent, data, room), **properties)
     uncertain = uncertain_groups(document.data, data)
@@ -88,7 +88,10 @@ def checked(written: Document, registry: Registry, assignments: Sequence[str] = 
     return Mission(
         name=data["name"],
         scene=flight,
-        plugins={kind: _plugin(kind, data[kind], document.data[kind], registry) for kind in PARTS},
+        plugins={
+            kind: _plugin(kind, data[kind], document.data[kind], registry)
+            for kind in PIPELINE_KINDS
+        },
         steps=steps,
         safety=data["safety"],
         reserve=data["reserve"],
@@ -198,11 +201,11 @@ def sound_parts(
         if "file" in camera:  # which could not be read, or it would have been replaced
             cameras[name] = Incomplete(camera)
     defaulted = ("rate", "seed", "plugin_strikes", "collisions")
-    keys = (*PARTS, *defaulted, "limits", "safety", "reserve", "name", "world")
+    keys = (*PIPELINE_KINDS, *defaulted, "limits", "safety", "reserve", "name", "world")
     sound = {key: refused.without(data[key], (key,)) for key in keys if key in data}
     sound = {key: value for key, value in sound.items() if value is not None}
     sound |= {"swarm": swarm, "cameras": cameras, "groups": named("groups", [])}
-    for kind in PARTS:
+    for kind in PIPELINE_KINDS:
         sound[kind] = _choice(sound.get(kind))
     properties = schema["properties"]
     for key in ("limits", "safety", "reserve"):

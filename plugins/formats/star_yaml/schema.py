@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 from urllib.parse import quote, unquote
 
 from star_core import InputError, Problem, Registry
-from star_core.commands import PARTS, SHARED
+from star_core.commands import PIPELINE_KINDS, SHARED
 from star_core.formats import Document, Location, MissionSpec, references
 from star_yaml.input_file import read, require_kind
 
@@ -81,7 +81,7 @@ def compose(offers: Mapping[str, Mapping[str, MissionSpec]]) -> dict[str, Any]:
     """
     mission = load("mission")
     definitions = mission["$defs"]
-    for kind in PARTS:
+    for kind in PIPELINE_KINDS:
         made = {
             name: _options(kind, offer, definitions)
             for name, offer in sorted(offers.get(kind, {}).items())

@@ -10,7 +10,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-from star_core.commands import PARTS
+from star_core.commands import PIPELINE_KINDS
 from star_core.formats import Location
 from star_core.toolkit import suggestion
 from star_yaml.error_messages import (
@@ -118,7 +118,7 @@ def _about(path: Location, data: Any, message: str, value: Any = None) -> str:
     if step := _step_in(path):
         path = path[len(step) :]
         subject, path = [str(name) for name in path[:1]], path[1:]
-    elif path and path[0] in PARTS and "use" in data[path[0]]:
+    elif path and path[0] in PIPELINE_KINDS and "use" in data[path[0]]:
         subject, path = [f"{path[0]} {show(data[path[0]]['use'])}"], path[1:]
     if path and isinstance(path[-1], int) and not isinstance(value, list | dict):
         path = path[:-1]  # the location shows which item it is
@@ -127,16 +127,18 @@ def _about(path: Location, data: Any, message: str, value: Any = None) -> str:
 
 
 def _noun(path: Location) -> str:
-    return "option" if _step_in(path) or (path and path[0] in PARTS) else "key"
+    return "option" if _step_in(path) or (path and path[0] in PIPELINE_KINDS) else "key"
 
 
 def _missing(name: str, breach: Breach) -> str:
     path = breach.path
-    if path and path[0] in PARTS and name == "use":
+    if path and path[0] in PIPELINE_KINDS and name == "use":
         return "missing key 'use'; write {use: name of a plugin, ...}"
     if not path and name == "star":
         return "missing key 'star'; write `star: 1` first"
-    installed = breach.possible_keys.get(name, {}).get("examples", ()) if name in PARTS else ()
+    installed = (
+        breach.possible_keys.get(name, {}).get("examples", ()) if name in PIPELINE_KINDS else ()
+    )
     hint = f"; installed: {', '.join(map(str, installed))}" if installed else ""
     return f"missing {_noun(path)} {name!r}{hint}"
 
@@ -194,7 +196,12 @@ def _specific(breach: Breach) -> tuple[str, str] | None:
         return _empty_verb(breach), "invalid-step"
     if keyword == "type" and _is_step(path[:-1]) and breach.operand == "object":
         return _no_options(breach), "invalid-step"
-    if keyword in {"enum", "type"} and path[:1] and path[0] in PARTS and path[1:] in {(), ("use",)}:
+    if (
+        keyword in {"enum", "type"}
+        and path[:1]
+        and path[0] in PIPELINE_KINDS
+        and path[1:] in {(), ("use",)}
+    ):
         return _choice(breach)
     if keyword == "const" and path == ("star",):
         text = f"this version reads `star: {breach.operand}`, this file is of {show(breach.value)}"

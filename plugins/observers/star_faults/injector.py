@@ -12,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 
 from star_core import Flight, Operator, PluginError, Scene, World, hookimpl
-from star_core.toolkit import Fault
+from star_core.toolkit import Fault, InjectsFaults
 from star_faults.links import ReportFaults, SendFaults
 from star_faults.outputs import OutputFaults
 
@@ -116,7 +116,7 @@ class FaultInjector:
     def _spoil_transport(self, transport: Any, name: str) -> None:
         """Replace the methods of a transport by ones with faults."""
         inner = [fault for fault, _ in self._of(*IN_DRONES) if not _only_reported(fault)]
-        if inner and not hasattr(transport, "inject"):
+        if inner and not isinstance(transport, InjectsFaults):
             failing = ", ".join(sorted({fault.component for fault in inner}))
             raise PluginError(f"transport {name!r} simulates no faults of {failing}")
         if self._of("firmware"):

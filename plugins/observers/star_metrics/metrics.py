@@ -1,4 +1,4 @@
-"""What is measured of one flight."""
+"""Metrics of one flight."""
 
 from __future__ import annotations
 

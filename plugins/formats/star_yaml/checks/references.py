@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, Final, Literal, TypeAlias
 
 from star_core import Problem, Registry, Scene
-from star_core.commands import PARTS
+from star_core.commands import PIPELINE_KINDS
 from star_core.formats import JOIN, LEAVE, MAX_LISTED, Document, Location, camera_faults, nodes
 from star_core.toolkit import Action, Node, Parallel, Repeat, actions, suggestion
 from star_yaml import conditions
@@ -132,7 +132,7 @@ def _cameras(document: Document, data: Mapping[str, Any]) -> Iterator[Problem]:
 
 
 def _parts(data: Mapping[str, Any], plugins: PluginChecks) -> Iterator[Problem]:
-    for kind in PARTS:
+    for kind in PIPELINE_KINDS:
         if isinstance(data[kind], Incomplete):
             continue
         if kind == "transport" and any(isinstance(a, Incomplete) for a in data["swarm"].values()):

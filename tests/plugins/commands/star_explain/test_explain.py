@@ -221,7 +221,7 @@ def test_a_step_that_would_fail_is_reported(explain: Explain) -> None:
     text = explain(
         "  - takeoff: {}\n  - goto: {by: [0, 0, 0.1], on_failure: land}\n  - takeoff: {}\n"
     )
-    assert "! in the dry run: already in the air: cf1, cf2" in text
+    assert "! in the rehearsal: already in the air: cf1, cf2" in text
     grounded = explain("  - land: {on_failure: continue}\n  - goto: {to: [0, 1, 1]}\n")
     assert "s, even with nothing in the way" in grounded
 
@@ -380,4 +380,4 @@ def test_missions_that_are_shipped_are_explained_without_a_fault(
     assert main([str(MISSIONS / f"{name}.yaml")]) == 0
     text = capsys.readouterr().out
     assert "plan: about" in text
-    assert "! in the dry run" not in text
+    assert "! in the rehearsal" not in text

@@ -1,4 +1,4 @@
-"""Warnings of goals that only the dry run knows; what certainly fails is in tests/corpus."""
+"""Warnings of goals that only the rehearsal knows; what certainly fails is in tests/corpus."""
 
 from __future__ import annotations
 
