@@ -60,6 +60,7 @@ def generated_pages() -> Iterator[tuple[str, str]]:
         yield f"reference/{_plural(kind)}.md", options_page(kind, offers[kind])
     yield "reference/files.md", files_page()
     yield "reference/commands.md", commands_page(offers["command"])
+    yield "decisions/index.md", decisions_page()
     yield from _api_pages()
 
 
@@ -88,6 +89,24 @@ def files_page() -> str:
             schema = json.loads((ROOT / "schemas" / "mission.schema.json").read_text("utf-8"))
         lines += ["", f"## {kind.capitalize()}", "", schema["description"], ""]
         lines += table(schema, "key")
+    return "\n".join(lines) + "\n"
+
+
+def decisions_page() -> str:
+    """Return the list of all decisions, by the area that the first words of each page name."""
+    areas: dict[str, list[str]] = {}
+    for page in sorted((ROOT / "docs" / "decisions").glob("*.md")):
+        title, _, area = page.read_text("utf-8").split("\n", 3)[:3]
+        areas.setdefault(area.split("*")[1].rstrip("."), []).append(
+            f"- {page.name[:4]} [{title.removeprefix('# ')}]({page.name})"
+        )
+    lines = [
+        "# Decisions",
+        "",
+        "Why the code is as it is: one decision a page, with its reason.",
+        NOTE,
+    ]
+    lines += [line for area, rows in areas.items() for line in ("", f"## {area}", "", *rows)]
     return "\n".join(lines) + "\n"
 
 

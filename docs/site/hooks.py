@@ -63,7 +63,8 @@ def page_of(path: str) -> str:
     ('missions.md', 'project/missions/search.yaml.md', 'project/missions/worlds/index.md')
     """
     if path.startswith("docs/"):
-        return path.removeprefix("docs/")
+        page = path.removeprefix("docs/")
+        return f"{page}/index.md" if (ROOT / path).is_dir() else page
     if (ROOT / path).is_dir():
         return f"project/{path}/index.md"
     if path.endswith("/README.md"):

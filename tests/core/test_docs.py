@@ -16,6 +16,7 @@ OTHERS = {  # names of other libraries, and files that are not code
     *("PPoly", "Polynomial", "RadioDriver", "UdpDriver", "cKDTree", "mem", "solvePnP", "toc"),
     "mkdocs.yml",
 }
+DECISIONS = sorted((ROOT / "docs" / "decisions").glob("*.md"))
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 
 
@@ -43,7 +44,7 @@ def test_attributes_that_a_page_names_exist(page: Path) -> None:
 
 
 def test_every_name_of_code_in_the_architecture_exists() -> None:
-    page = (ROOT / "docs" / "architecture.md").read_text()
+    page = "\n".join(path.read_text() for path in (ROOT / "docs" / "architecture.md", *DECISIONS))
     names = set(re.findall(r"`([^`\n]+)`", re.sub(r"(?s)```.*?```", "", page))) - OTHERS
     sources = [path for top in SOURCE_FOLDERS for path in (ROOT / top).rglob("*")]
     paths = [f"/{path.relative_to(ROOT)}" for path in sources]
@@ -53,6 +54,13 @@ def test_every_name_of_code_in_the_architecture_exists() -> None:
     assert {name for name in files if not any(p.endswith(f"/{name}") for p in paths)} == set()
     codes = {name for name in names - files if re.fullmatch(r"[A-Za-z_][\w.]*", name)}
     assert {name for name in codes if name.split(".")[-1] not in words} == set()
+
+
+def test_decisions_are_numbered_once_and_name_their_areas() -> None:
+    numbers = [path.name[:5] for path in DECISIONS]
+    assert [n for n in numbers if numbers.count(n) > 1 or not re.fullmatch(r"\d{4}-", n)] == []
+    head = re.compile(r"# \S.*\n\n\*[A-Z][a-z ]+\.\*")
+    assert [path.name for path in DECISIONS if head.match(path.read_text()) is None] == []
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
