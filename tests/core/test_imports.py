@@ -5,6 +5,7 @@ The layers within `star_core` are a contract of import-linter in pyproject.toml.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
@@ -20,6 +21,8 @@ FLEET_IMPORTS = {
     "star_sim.drone", "star_sim.fusion", "star_sim.pieces", "star_sim.kernel", "star_sim.transport",
 }  # fmt: skip
 GPL = {"cflib"}
+OF_PLUGINS = {"star_external.planner", "star_search.pattern", "star_search.search_space"}
+"""What plugins offer to others for the kinds that they add."""
 
 
 def allowed(importer: str, imported: str) -> bool:
@@ -80,6 +83,20 @@ def test_private_modules_and_other_plugins_are_not_imported(
     expected: bool,  # noqa: FBT001 -- what is expected
 ) -> None:
     assert allowed(importer, imported) is expected
+
+
+def test_templates_of_plugins_import_public_names_only() -> None:
+    folder = Path(__file__).parents[2] / "plugins/commands/star_new/templates"
+    texts = [path.read_text() for path in folder.glob("*.tmpl")]
+    modules = {name for text in texts for name in re.findall(r"(?:from|import) (star_\S+)", text)}
+    assert "star_external.planner" in modules
+    assert modules <= PUBLIC | OF_PLUGINS
+
+
+def test_public_modules_of_plugins_are_in_the_documentation() -> None:
+    docs = Path(__file__).parents[2] / "docs"
+    for page in ("site/generated.py", "write-a-plugin.md"):
+        assert {name for name in OF_PLUGINS if name in (docs / page).read_text()} == OF_PLUGINS
 
 
 @pytest.fixture

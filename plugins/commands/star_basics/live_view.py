@@ -53,7 +53,7 @@ class FlightProgress:
 
     @hookimpl
     def star_event(self, event: Event) -> None:
-        if self._events:
+        if self._events and event.kind != "observer":  # which is a warning already
             log(str(event))
 
     @hookimpl

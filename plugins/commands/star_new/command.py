@@ -15,7 +15,7 @@ from star_core import InputError, Registry
 from star_core.commands import writing
 
 KINDS: Final = (
-    "avoider", "planner", "localizer", "transport", "task",
+    "avoider", "planner", "localizer", "transport", "verb",
     "external-planner", "observer", "command",
 )  # fmt: skip
 NAME: Final = re.compile("[a-z][a-z0-9]*([_-][a-z0-9]+)*")
@@ -63,7 +63,12 @@ def configure(line: argparse.ArgumentParser) -> None:
     )
     line.add_argument("what", choices=["mission", "world", "plugin"])
     line.add_argument("name", help="lower-case letters, digits, '-' and '_'")
-    line.add_argument("--kind", choices=KINDS, help="of a plugin")
+    line.add_argument("--kind", type=_kind, choices=KINDS, help="of a plugin")
+
+
+def _kind(text: str) -> str:
+    """Return a kind; a verb is a task to the core, and in `star plugins`."""
+    return "verb" if text == "task" else text
 
 
 def _files(what: str, name: str, kind: str | None) -> Iterator[tuple[str, str]]:
@@ -88,7 +93,7 @@ def _files(what: str, name: str, kind: str | None) -> Iterator[tuple[str, str]]:
     lines, step = dict(LINE), STEP
     if kind in lines:
         lines[kind] = f"{kind}: {word}"
-    if kind == "task":
+    if kind == "verb":
         step = f"  - {word}: {{agents: cf1, height: 0.3}}"
     if kind == "external-planner":
         step = f"  - external: {{planner: {word}}}"

@@ -334,3 +334,12 @@ def test_plugins_are_not_blamed_unless_slower_than_real_time(
     changes: Mapping[str, Any],
 ) -> None:
     assert "slowest plugin" not in format_summary(summary(**changes), None)
+
+
+def test_a_dropped_observer_is_reported_once(capsys: pytest.CaptureFixture[str]) -> None:
+    progress = FlightProgress(lambda: None)
+    progress.star_event(Event(0.0, "observer", "watch is dropped"))  # its log has a warning of that
+    progress.star_event(Event(0.0, "step", "takeoff begins"))
+    err = capsys.readouterr().err
+    assert "dropped" not in err
+    assert "takeoff begins" in err

@@ -6,10 +6,12 @@ import os
 import subprocess
 import sys
 import tomllib
+from importlib import import_module
 from pathlib import Path
 
 import pytest
 
+from star_core import Registry, fly, load
 from star_core.commands.main import main
 from star_new.command import KINDS
 
@@ -49,6 +51,23 @@ def test_new_plugins_of_every_kind_pass_their_own_tests(tmp_path: Path) -> None:
     )
     assert tests.returncode == 0, tests.stdout + tests.stderr
     assert "15 passed" in tests.stdout
+
+
+def test_a_new_observer_sees_a_flight_that_is_not_recorded(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    assert main(["new", "plugin", "fastest", "--kind", "observer"]) == 0
+    monkeypatch.syspath_prepend("star-fastest")
+    registry = Registry(import_module("star_fastest"))
+    summary = fly(load("star-fastest/fastest.yaml", registry), registry)
+    assert summary["outcome"] == "completed"
+    assert summary["fastest"]["cf1"] > 0.3
+    assert [event["text"] for event in summary["events"] if event["kind"] == "observer"] == []
+
+
+def test_a_verb_may_be_called_a_task(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["new", "plugin", "nod", "--kind", "task"]) == 0
+    assert "star-nod/star_nod/verb.py" in capsys.readouterr().out
 
 
 def _install(folder: Path) -> None:
