@@ -20,20 +20,29 @@ class ImportLog:
     """Collects messages, and all problems of the files before any is raised.
 
     Attributes:
-        messages: One line each, beginning with the location.
+        new_agent: How an agent that the files lack is added, with ``{}`` for its name.
+        assumptions: One line each, beginning with the location.
+        warnings: One line each, beginning with the location.
         problems: Why the files cannot be imported, one line each.
     """
 
-    messages: list[str] = field(default_factory=list)
+    new_agent: str = "--agent {}=X,Y"
+    assumptions: list[str] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
     problems: list[str] = field(default_factory=list)
 
+    @property
+    def messages(self) -> list[str]:
+        """The warnings, then the assumptions."""
+        return [*dict.fromkeys(self.warnings), *self.assumptions]
+
     def add(self, location: str, message: str) -> None:
-        """Log a message about a location."""
-        self.messages.append(f"{location}: {message}")
+        """Log an assumption about a location."""
+        self.assumptions.append(f"{location}: {message}")
 
     def warning(self, location: str, message: str) -> None:
-        """Log a warning, before all other messages."""
-        self.messages.insert(0, f"{location}: warning: {message}")
+        """Log a warning about a location."""
+        self.warnings.append(f"{location}: warning: {message}")
 
     def ignored(
         self,

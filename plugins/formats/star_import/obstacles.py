@@ -5,10 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
+from star_core import Obstacle
 from star_core.formats import Value
+from star_core.formats import wall as outlines
 from star_import.import_log import NOT_SUPPORTED, ImportLog, show
 from star_import.text import Line, word
 
+FACE: Final = 0.01  # m, from a face of a wall, within which a tag is stuck on it
 TOP: Final = ("environment", "april_tags", "command_sequence", "robots", "robot_types")
 
 
@@ -38,6 +41,15 @@ class Wall:
             f"height: {show(self.height)}}}",
             self.location,
         )
+
+
+def inside(wall: Wall, position: tuple[float, float]) -> bool:
+    """Return whether a tag on the floor is inside a wall, and not on one of its faces."""
+    solid = Obstacle(wall.name, outlines(wall.points, wall.thickness), wall.height)
+    x, y = position
+    return wall.height[1] > 0 and all(
+        solid.contains((x + dx, y + dy, 0.0)) for dx in (-FACE, FACE) for dy in (-FACE, FACE)
+    )
 
 
 def walls(file: Value, log: ImportLog) -> list[Wall]:

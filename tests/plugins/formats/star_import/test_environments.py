@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from star_core import InputError, Registry, World, load
-from tests.plugins.commands.star_import.conftest import Import
+from tests.plugins.formats.star_import.conftest import Import
 
 Put = Callable[[str, str], str]
 OBSTACLE = """\

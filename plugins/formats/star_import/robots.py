@@ -105,8 +105,8 @@ def positioning(file: Value, names: Sequence[str], parameters: Sequence[str]) ->
     return ""
 
 
-def command_line_agents(texts: Sequence[str]) -> list[Robot]:
-    """Return the agents of ``--agent NAME=X,Y`` or ``NAME=X,Y,Z``.
+def command_line_agents(texts: Sequence[str], option: str) -> list[Robot]:
+    """Return the agents of ``NAME=X,Y`` or ``NAME=X,Y,Z``, values of an option.
 
     Raises:
         InputError: One of them has another form.
@@ -120,8 +120,8 @@ def command_line_agents(texts: Sequence[str]) -> list[Robot]:
         except ValueError:
             name = ""
         if not NAME.fullmatch(name):
-            raise InputError([f"--agent {text}: expected NAME=X,Y or NAME=X,Y,Z in m"])
-        agents.append(Robot(name, (x, y, z), "", f"--agent {text}"))
+            raise InputError([f"{option}{text}: expected NAME=X,Y or NAME=X,Y,Z in m"])
+        agents.append(Robot(name, (x, y, z), "", f"{option}{text}"))
     return agents
 
 

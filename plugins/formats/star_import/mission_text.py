@@ -13,8 +13,6 @@ from star_import.import_log import ImportLog, show
 from star_import.robots import Robot
 from star_import.text import Line, word
 
-RADIUS = 0.2  # m, of the avoider: half the distance that the original's grid keeps between agents
-
 
 @dataclass(frozen=True, slots=True)
 class Frame:
@@ -26,6 +24,7 @@ class Frame:
         world: Path of its world.
         speed: Speed limit, m/s.
         height: Lowest and highest flight height, m.
+        zone: Radius of the avoider, m: half the distance that the original's grid keeps.
         planner: Value of the key ``planner``.
         landmarks: Whether the world has landmarks.
         positioning: The system that localized the swarm; empty if no file names one.
@@ -37,6 +36,7 @@ class Frame:
     world: str
     speed: float
     height: tuple[float, float]
+    zone: float
     planner: str
     landmarks: bool
     positioning: str
@@ -69,7 +69,7 @@ def mission_lines(
         *_transport(frame, robots, log),
         Line(f"localizer: {localizer}{decks}"),
         Line(f"planner: {frame.planner}"),
-        Line(f"avoider: {{use: orca, radius: {show(_radius(frame.name, robots, log))}}}"),
+        Line(f"avoider: {{use: orca, radius: {show(_radius(frame, robots, log))}}}"),
         Line("mission:"),
         *steps,
     ]
@@ -121,18 +121,18 @@ def _transport(frame: Frame, robots: Sequence[Robot], log: ImportLog) -> Iterato
     log.add(frame.name, f"commented out, for the radio transport: {', '.join(described)}")
 
 
-def _radius(name: str, robots: Sequence[Robot], log: ImportLog) -> float:
+def _radius(frame: Frame, robots: Sequence[Robot], log: ImportLog) -> float:
     """The avoider's radius, m: reduced where agents would overlap at their start positions."""
     nearest = min(
         (math.dist(a.start, b.start) for a, b in combinations(robots, 2)), default=math.inf
     )
     least = 0.06  # m, half a Crazyflie with its propellers: closer starts are refused
-    if nearest >= 2 * RADIUS or nearest < 2 * least:
-        return RADIUS
+    if nearest >= 2 * frame.zone or nearest < 2 * least:
+        return frame.zone
     radius = math.floor(nearest / 2 * 1000) / 1000
     log.add(
-        name,
+        frame.name,
         f"agents start {show(nearest)} m apart; the avoider's radius is {show(radius)} m "
-        f"instead of {show(RADIUS)}",
+        f"instead of {show(frame.zone)}",
     )
     return radius

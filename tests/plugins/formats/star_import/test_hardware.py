@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from star_core import InputError, Mission, Registry, fly, load
-from tests.plugins.commands.star_import.conftest import Import
+from tests.plugins.formats.star_import.conftest import Import
 
 Put = Callable[[str, str], str]
 Swarm = Callable[..., list[str]]

@@ -6,8 +6,9 @@ import math
 import re
 import shutil
 import tempfile
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from star_core import InputError, Registry, load
@@ -43,19 +44,45 @@ class OutputFiles:
         Raises:
             InputError: They cannot be flown; each reason has the location it was imported from.
         """
+        with self.staged(folder) as staged:
+            load(staged, Registry())
+
+    @contextmanager
+    def staged(self, folder: Path) -> Iterator[Path]:
+        """Write the files to a temporary folder, and yield the path of the mission there.
+
+        It is a probe if there is a world only. Problems that are raised inside the context have the
+        locations that the files were imported from.
+
+        Args:
+            folder: Folder of the files in the messages.
+        """
         with tempfile.TemporaryDirectory() as name:
-            staged = Path(name)
-            self._put(staged)
-            mission = self.mission or PROBE
+            self._put(Path(name))
+            mission = Path(name, self.mission or PROBE)
             if not self.mission:
-                (staged / PROBE).write_text(self._probe(), encoding="utf-8")
+                mission.write_text(self._probe(), encoding="utf-8")
             try:
-                load(staged / mission, Registry())
+                yield mission
             except InputError as error:
-                problems = [self._relocated(problem, staged, folder) for problem in error.problems]
-                problems = [p for p in problems if not p.startswith(str(staged / PROBE))]
+                problems = [self.relocated(p, Path(name), folder) for p in error.problems]
+                problems = [p for p in problems if not p.startswith(str(Path(name, PROBE)))]
                 if problems:
                     raise InputError(list(dict.fromkeys(problems))) from None
+
+    def located(self, origin: str) -> OutputFiles:
+        """Return the same files, in which lines that were not imported have a location too."""
+        lines = {
+            name: [Line(line.text, line.origin or origin) for line in lines]
+            for name, lines in self.lines.items()
+        }
+        return replace(self, lines=lines)
+
+    def origin(self, location: str, staged: Path) -> str:
+        """Return where a location ``file:line:col`` of a staged file was imported from."""
+        file, line, _ = ("::" + location.removeprefix(f"{staged}/")).rsplit(":", 2)
+        lines = self.lines.get(file.removeprefix("::"))
+        return lines[int(line) - 1].origin if lines else location
 
     def write(self, folder: Path, *, force: bool) -> list[Path]:
         """Write the files into a folder and return them.
@@ -85,7 +112,7 @@ class OutputFiles:
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(source, folder / name)
 
-    def _relocated(self, problem: str, staged: Path, folder: Path) -> str:
+    def relocated(self, problem: str, staged: Path, folder: Path) -> str:
         """Return a problem of a staged file with the location the file was imported from."""
         for name, lines in self.lines.items():
             problem = traced(problem, str(staged / name), str(folder / name), lines)

@@ -135,7 +135,8 @@ def _agents(value: Value, written: str, agents: Sequence[str], log: ImportLog) -
     if missing := [name for name in dict.fromkeys(names) if name not in agents]:
         among = f" among {shortlist(agents)}" if agents else ""
         raise value.wrong(
-            f"no agent named {missing[0]!r}{among}; add its position: --agent {missing[0]}=X,Y"
+            f"no agent named {missing[0]!r}{among}; add its position: "
+            + log.new_agent.format(missing[0])
         )
     return tuple(dict.fromkeys(names))
 

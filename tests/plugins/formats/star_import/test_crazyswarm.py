@@ -10,7 +10,7 @@ import pytest
 from star_core import InputError, Registry, fly, load
 from star_core.toolkit import actions
 from tests.commands import command
-from tests.plugins.commands.star_import.conftest import ROBOTS, Import
+from tests.plugins.formats.star_import.conftest import ROBOTS, Import
 
 main = command("import")
 

@@ -60,11 +60,13 @@ class Reading:
             along x and y, as in the original's flights; otherwise of the centers, as in its
             simulation and its drawings.
         target_positions: Positions of targets that have none in the file, by their number, m.
+        shrink: Whether tags of a pair that would overlap are smaller instead of a mistake.
     """
 
     edge: float
     corners: bool
     target_positions: Mapping[int, Corner]
+    shrink: bool = False
 
 
 def sheets(file: Value, reading: Reading, log: ImportLog) -> list[Sheet]:
@@ -120,15 +122,20 @@ def _sheet(name: str, spec: Value, tags: Value, reading: Reading, log: ImportLog
     offsets = _pair(name, spec, tags) if len(numbers) > 1 else ((0.0, 0.0),)
     centres = tuple((x + u + half, y + v + half) for u, v in offsets)
     apart = math.dist(centres[0], centres[-1])
-    if len(numbers) > 1 and apart < reading.edge:
-        raise tags.need("pair_position").wrong(
-            f"{name}: tags {apart:.3f} m apart overlap at an edge of {show(reading.edge)} m; give "
-            f"their size: --tag-size {math.floor(apart / TAG_RIM * 1000) / 1000:g} or less"
-        )
+    edge = reading.edge
+    if len(numbers) > 1 and apart < edge:
+        edge = math.floor(apart / TAG_RIM * 1000) / 1000
+        pair, what = tags.need("pair_position"), f"tags {apart:.3f} m apart overlap at an edge of"
+        if not reading.shrink:
+            raise pair.wrong(
+                f"{name}: {what} {show(reading.edge)} m; give their size: --tag-size {edge:g} or "
+                "less"
+            )
+        log.warning(pair.begins_at, f"{what} {show(reading.edge)} m; they are flown at {edge:g} m")
     log.add(spec.begins_at, f"{name}: {kind[:-1]} at {', '.join(show(c) for c in centres)} m")
-    pair = {"alignment"} if len(numbers) > 1 else set()
-    log.ignored(spec, {"id", "location", "purpose"} | pair, f"{name}: ")
-    return Sheet(kind, numbers, centres, reading.edge, spec.begins_at)
+    aligned = {"alignment"} if len(numbers) > 1 else set()
+    log.ignored(spec, {"id", "location", "purpose"} | aligned, f"{name}: ")
+    return Sheet(kind, numbers, centres, edge, spec.begins_at)
 
 
 def _pair(name: str, spec: Value, tags: Value) -> tuple[Corner, ...]:

@@ -77,9 +77,8 @@ def configure(line: argparse.ArgumentParser) -> None:
     line.add_argument(
         "--tag-size",
         type=_positive,
-        default=EDGE,
         metavar="M",
-        help="edge of the tags, m (%(default)s)",
+        help=f"edge of the tags, m ({EDGE:g})",
     )
     line.add_argument(
         "--tag-origin",

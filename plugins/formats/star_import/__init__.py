@@ -1,4 +1,4 @@
-"""Command ``star import``: converts files of the original STAR and Crazyswarm2 to missions."""
+"""Format of the original STAR's and Crazyswarm2's files, and the command ``star import``."""
 
 from __future__ import annotations
 
@@ -6,12 +6,23 @@ from collections.abc import Iterator
 
 from star_core import deferred, hookimpl
 from star_core.commands import CommandSpec
-from star_core.formats import FileKindSpec
+from star_core.formats import FileKindSpec, FormatSpec
 
 _HINTS = dict.fromkeys(
     ("mission", "world", "study", "faults"),
     "`star import` turns it into a mission and a world",
 )
+
+
+@hookimpl
+def star_formats() -> Iterator[FormatSpec]:
+    yield FormatSpec(
+        name="original-star",
+        summary="Files and folders of the original STAR and of Crazyswarm2.",
+        recognizes=deferred("star_import.folder:recognizes"),
+        load=deferred("star_import.folder:load"),
+        check=deferred("star_import.folder:check"),
+    )
 
 
 @hookimpl

@@ -4,19 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import Final
 
 from star_core.toolkit import shortlist
+from star_import.config import Config
 from star_import.import_log import ImportLog, show
 from star_import.records import Record, groups
 from star_import.text import Line
-
-HEIGHT: Final = 0.8  # m, the original's default take-off height
-CLIMB: Final = 0.2  # m/s, its climb speed
-ZONE: Final = 0.2  # m, its protected zone; agents at one goal keep twice this distance
-REACHED: Final = 0.2  # m, its goal tolerance
-SILENCE: Final = 5.0  # s, after which a silent external program counts as finished
-BIAS: Final = (-ZONE, -ZONE)  # m, by which its grid shifts the goals of goto_velocity
 
 
 class Steps:
@@ -24,15 +17,23 @@ class Steps:
 
     Args:
         names: Names of all agents.
+        config: The original's numbers.
         speed: Flight speed, m/s.
         as_executed: Whether to reproduce what the original did where that differs from the intent.
         log: Log of assumptions.
     """
 
     def __init__(
-        self, names: Sequence[str], speed: float, log: ImportLog, *, as_executed: bool
+        self,
+        names: Sequence[str],
+        config: Config,
+        speed: float,
+        log: ImportLog,
+        *,
+        as_executed: bool,
     ) -> None:
         self._names = tuple(names)
+        self._config = config
         self._speed = speed
         self._executed = as_executed
         self._log = log
@@ -80,6 +81,8 @@ class Steps:
         names = shortlist(record.agents) or "all"
         agents = f"agents: [{', '.join(record.agents)}]" if record.agents else ""
         flying = set(record.agents or self._names)
+        height, climb = show(self._config.height), show(self._config.climb)
+        silence = show(self._config.silence)
         if record.task not in {"takeoff", "land"} and (grounded := sorted(flying - self._up)):
             self._add(record, f"{shortlist(grounded)}: not airborne at this point")
         match record.task:
@@ -87,10 +90,10 @@ class Steps:
                 if record.agents and self._executed:
                     self._add(record, "takeoff is sent to all agents, as executed")
                     agents, names, flying = "", "all", set(self._names)
-                self._add(record, f"takeoff of {names} to {HEIGHT:g} m at {CLIMB:g} m/s")
+                self._add(record, f"takeoff of {names} to {height} m at {climb} m/s")
                 self._up |= flying
-                height = f"height: {HEIGHT:g}, speed: {CLIMB:g}"
-                yield f"takeoff: {{{_joined(agents, height)}}}"
+                numbers = f"height: {height}, speed: {climb}"
+                yield f"takeoff: {{{_joined(agents, numbers)}}}"
             case "hold":
                 self._add(record, f"hold of {names} for {show(record.seconds)} s")
                 yield f"hold: {{{_joined(agents, f'for: {show(record.seconds)}')}}}"
@@ -102,9 +105,9 @@ class Steps:
                 self._add(
                     record,
                     f"external for {names}: the program now uses STAR's messages instead of ROS; "
-                    f"ends after {SILENCE:g} s of silence",
+                    f"ends after {silence} s of silence",
                 )
-                end = f"max_silence: {SILENCE:g}, on_silence: fail, on_failure: continue"
+                end = f"max_silence: {silence}, on_silence: fail, on_failure: continue"
                 yield f"external: {{{_joined(agents, end)}}}"
             case "goto" if self._executed:
                 end = ", nor does it land" if record.lands else ""
@@ -128,12 +131,14 @@ class Steps:
                 f"goto_velocity only; rad would be {show(math.degrees(yaw))} degrees",
             )
         if self._executed:
-            x, y = x + BIAS[0], y + BIAS[1]
-            self._add(record, f"its grid shifts the goal by {show(list(BIAS))} m, as executed")
+            bias = -self._config.zone
+            x, y = x + bias, y + bias
+            self._add(record, f"its grid shifts the goal by {show([bias, bias])} m, as executed")
         goal = f"to: {show([x, y, z])}, yaw_deg: {show(yaw)}, speed: {show(self._speed)}"
         many = len(record.agents or self._names) > 1
-        spacing = f"spacing: {2 * ZONE:g}" if many else ""
-        yield f"goto: {{{_joined(agents, goal, spacing, f'within: {REACHED:g}')}}}"
+        spacing = f"spacing: {show(2 * self._config.zone)}" if many else ""
+        within = f"within: {show(self._config.reached)}"
+        yield f"goto: {{{_joined(agents, goal, spacing, within)}}}"
         if record.lands:
             self._up -= set(record.agents or self._names)
             if record.task == "goto":

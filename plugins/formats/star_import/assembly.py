@@ -3,26 +3,26 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Final
 
 from star_core import InputError
+from star_import.config import Config, config
 from star_import.firmware import common_parameters
 from star_import.import_log import ImportLog, show
 from star_import.mission_text import Frame, mission_lines
-from star_import.obstacles import Wall, walls
+from star_import.obstacles import Wall, inside, walls
 from star_import.output_files import OutputFiles, Room, around, corners, world_lines
 from star_import.records import Record, records
 from star_import.robots import Robot, command_line_agents, positioning, robots
 from star_import.sources import Sources
-from star_import.steps import CLIMB, REACHED, ZONE, Steps
-from star_import.tags import Reading, Sheet, sheets
+from star_import.steps import Steps
+from star_import.tags import EDGE, Reading, Sheet, sheets
 from star_import.text import Line, word
 
-FLIGHT: Final = 0.1  # m/s, the original's default speed limit
 CRUISE: Final = 0.5  # m/s, for trajectories: default speed limit of STAR's missions
-HEIGHTS: Final = (0.5, 2.0)  # m, the original's lowest and highest flight height
 LOW: Final = 0.2  # m, the lowest for trajectories, whose z often descends below the take-off height
 TRAJECTORY_HEIGHT: Final = 1.0  # m, take-off height of Crazyswarm2's examples
 MARGIN: Final = 1.0  # m, of the fence around all positions in the files
@@ -38,23 +38,26 @@ class ImportOptions:
         name: Name of the mission; None takes that of a file.
         agents: ``NAME=X,Y`` each.
         fence: None fits it around everything.
-        edge: Edge of tags, m.
+        edge: Edge of tags, m; None takes that of a file or the original's.
         corners: Whether positions of tags are those of their corners.
         target_positions: Positions of targets that have none, m.
         speed: Flight speed, m/s.
         timescale: Factor by which trajectories are stretched.
         as_executed: Whether to reproduce what the original did where that differs from the intent.
+        direct: Whether the files are flown as they are; tags that would overlap are smaller then,
+            and trajectories stay where they are.
     """
 
-    name: str | None
-    agents: Sequence[str]
-    fence: Room | None
-    edge: float
-    corners: bool
-    target_positions: Mapping[int, tuple[float, float]]
-    speed: float | None
-    timescale: float
-    as_executed: bool
+    name: str | None = None
+    agents: Sequence[str] = ()
+    fence: Room | None = None
+    edge: float | None = None
+    corners: bool = False
+    target_positions: Mapping[int, tuple[float, float]] = field(default_factory=dict)
+    speed: float | None = None
+    timescale: float = 1.0
+    as_executed: bool = False
+    direct: bool = False
 
 
 def assemble(sources: Sources, options: ImportOptions, log: ImportLog) -> OutputFiles:
@@ -64,9 +67,12 @@ def assemble(sources: Sources, options: ImportOptions, log: ImportLog) -> Output
         InputError: They cannot be imported; lists every reason.
     """
     swarm = _swarm(sources, options, log)
+    numbers = config(sources.config[1], log) if sources.config else Config()
     built = walls(sources.environment[1], log) if sources.environment else []
-    reading = Reading(options.edge, options.corners, options.target_positions)
+    edge = options.edge or _edge(sources, log)
+    reading = Reading(edge, options.corners, options.target_positions, options.direct)
     printed = sheets(sources.environment[1], reading, log) if sources.environment else []
+    printed = [sheet for sheet in printed if not _inside(sheet, built, log)]
     commands: list[Record] = []
     if sources.mission:
         with log.collected():
@@ -80,29 +86,39 @@ def assemble(sources: Sources, options: ImportOptions, log: ImportLog) -> Output
     room = options.fence or around(points or [(0.0, 0.0)], WIDE if sources.trajectories else MARGIN)
     if options.fence is None:
         log.add("fence", f"not in the files; from {show(room.low)} to {show(room.high)} m")
-    files = [source for source in (sources.mission, sources.environment, sources.robots) if source]
-    made_of = ", ".join([path.name for path, _ in files] + [p.name for p in sources.trajectories])
-    name = _named(options.name or (files[0][0].stem if files else sources.trajectories[0].stem))
+    made_of = ", ".join(path.name for path in sources.paths)
+    name = _named(options.name or sources.paths[0].stem)
     world = _named(sources.environment[0].stem if sources.environment else f"{name}-room")
     world_file = f"worlds/{world}.yaml"
     lines = {world_file: world_lines(world, made_of, room, built, printed)}
     if not swarm:
         return OutputFiles(lines, None, world_file, room)
+    speed = options.speed or (numbers.speed if sources.mission else CRUISE)
     frame = Frame(
         name=name,
         made_of=made_of,
         world=world_file,
-        speed=max(CLIMB, _speed(sources, options)),
-        height=HEIGHTS if sources.mission else (LOW, HEIGHTS[1]),
+        speed=max(numbers.climb, speed),
+        height=numbers.heights if sources.mission else (LOW, numbers.heights[1]),
+        zone=numbers.zone,
         planner=_planner(built, options, log),
         landmarks=any(sheet.kind == "landmarks" for sheet in printed),
         positioning=located_by,
         parameters=parameters,
     )
-    log.add(name, _chosen(frame, commands, _speed(sources, options)))
-    steps = _steps(sources, commands, swarm, options, log)
+    log.add(name, _chosen(frame, commands, numbers, speed, _origin(sources)))
+    copies = {
+        path.name if options.direct else f"paths/{path.name}": path for path in sources.trajectories
+    }
+    steps: list[Line] = []
+    if sources.mission:
+        writer = Steps(
+            [robot.name for robot in swarm], numbers, speed, log, as_executed=options.as_executed
+        )
+        steps = writer.write(commands)
+    if sources.trajectories or not sources.mission:
+        steps += _trajectories(sources, copies, options, log)
     lines[f"{name}.yaml"] = mission_lines(frame, swarm, steps, log)
-    copies = {f"paths/{path.name}": path for path in sources.trajectories}
     return OutputFiles(lines, f"{name}.yaml", world_file, room, copies)
 
 
@@ -131,7 +147,7 @@ def _check_positions(
 
 def _swarm(sources: Sources, options: ImportOptions, log: ImportLog) -> list[Robot]:
     """Return all agents named by a file or the command line."""
-    agents = command_line_agents(options.agents)
+    agents = command_line_agents(options.agents, log.new_agent.partition("{}")[0])
     if sources.robots:
         with log.collected():
             agents = [*robots(sources.robots[1], log), *agents]
@@ -143,7 +159,7 @@ def _swarm(sources: Sources, options: ImportOptions, log: ImportLog) -> list[Rob
         first = sources.mission[0] if sources.mission else sources.trajectories[0]
         log.problems.append(
             f"{first}: has no positions of agents; give crazyflies.yaml too, or "
-            "--agent NAME=X,Y for each"
+            f"{log.new_agent.format('NAME')} for each"
         )
     return agents
 
@@ -174,17 +190,23 @@ def _log_differences(
             log.add(where, "the planner keeps 0.2 m from obstacles, the original no distance")
 
 
-def _chosen(frame: Frame, commands: Sequence[Record], speed: float) -> str:
-    """List numbers of the mission that are not in the files."""
+def _origin(sources: Sources) -> str:
+    return f"of {sources.config[0].name}" if sources.config else "not in the files"
+
+
+def _chosen(
+    frame: Frame, commands: Sequence[Record], config: Config, speed: float, origin: str
+) -> str:
+    """List numbers of the mission that are the original's defaults or of its configuration."""
     low, high = frame.height
     described = [
         f"limits.speed {show(frame.speed)} m/s",
         f"limits.height {show(low)} to {show(high)} m",
     ]
     if any(record.task.startswith("goto") for record in commands):
-        described += [f"of goto: speed {show(speed)} m/s", f"within {show(REACHED)} m"]
-        described += [f"spacing {show(2 * ZONE)} m where several fly to one position"]
-    return f"numbers not in the files: {', '.join(described)}"
+        described += [f"of goto: speed {show(speed)} m/s", f"within {show(config.reached)} m"]
+        described += [f"spacing {show(2 * config.zone)} m where several fly to one position"]
+    return f"numbers {origin}: {', '.join(described)}"
 
 
 def _planner(built: Sequence[Wall], options: ImportOptions, log: ImportLog) -> str:
@@ -196,43 +218,43 @@ def _planner(built: Sequence[Wall], options: ImportOptions, log: ImportLog) -> s
     return "visibility"
 
 
-def _speed(sources: Sources, options: ImportOptions) -> float:
-    return options.speed or (FLIGHT if sources.mission else CRUISE)
-
-
-def _steps(
-    sources: Sources,
-    commands: Sequence[Record],
-    swarm: Sequence[Robot],
-    options: ImportOptions,
-    log: ImportLog,
-) -> list[Line]:
-    names = [robot.name for robot in swarm]
-    speed = _speed(sources, options)
-    lines: list[Line] = []
+def _trajectories(
+    sources: Sources, copies: Mapping[str, Path], options: ImportOptions, log: ImportLog
+) -> Iterator[Line]:
+    """Yield the steps of Crazyswarm2's trajectories, with a take-off and a landing."""
     if sources.mission:
-        writer = Steps(names, speed, log, as_executed=options.as_executed)
-        lines = writer.write(commands)
-        if sources.trajectories:
-            log.add(str(sources.mission[0]), "trajectories are flown after its commands")
-    if sources.trajectories or not sources.mission:
-        log.add("mission", f"a take-off to {TRAJECTORY_HEIGHT:g} m and a landing, which are not "
-                  "in the files, are added")  # fmt: skip
-        lines.append(Line(f"  - takeoff: {{height: {TRAJECTORY_HEIGHT:g}}}"))
-        for path in sources.trajectories:
-            log.add(
-                str(path),
-                "durations in s, x, y and z in m, yaw in rad; flown by all, each from its position",
-            )
-            slow = f", timescale: {show(options.timescale)}" if options.timescale != 1.0 else ""
-            lines.append(
-                Line(
-                    f"  - follow: {{file: {word(f'paths/{path.name}')}, format: poly7{slow}}}",
-                    str(path),
-                )
-            )
-        lines.append(Line("  - land: {}"))
-    return lines
+        log.add(str(sources.mission[0]), "trajectories are flown after its commands")
+    log.add("mission", f"a take-off to {TRAJECTORY_HEIGHT:g} m and a landing, which are not "
+              "in the files, are added")  # fmt: skip
+    yield Line(f"  - takeoff: {{height: {TRAJECTORY_HEIGHT:g}}}")
+    slow = f", timescale: {show(options.timescale)}" if options.timescale != 1.0 else ""
+    for name, path in copies.items():
+        log.add(
+            str(path),
+            "durations in s, x, y and z in m, yaw in rad; flown by all, each from its position",
+        )
+        yield Line(f"  - follow: {{file: {word(name)}, format: poly7{slow}}}", str(path))
+    yield Line("  - land: {}")
+
+
+def _edge(sources: Sources, log: ImportLog) -> float:
+    """Return the edge of the original's tags, m."""
+    if sources.tags and (size := sources.tags[1].map().get("size")) is not None:
+        with log.collected():
+            if (edge := size.number()) > 0:
+                return edge
+            raise size.wrong(f"{edge:g}, expected a number more than 0")
+    return EDGE
+
+
+def _inside(sheet: Sheet, built: Sequence[Wall], log: ImportLog) -> bool:
+    """Return whether a tag of a sheet is inside a wall, which is logged."""
+    for wall in built:
+        if any(inside(wall, centre) for centre in sheet.centres):
+            tags = ", ".join(map(str, sheet.numbers))
+            log.warning(sheet.location, f"tags {tags} are inside {wall.name}; ignored")
+            return True
+    return False
 
 
 def _named(text: str) -> str:

@@ -17,7 +17,7 @@ from star_core.formats.located import Data, Mark
 from star_core.toolkit import actions
 from star_import.import_log import ImportLog
 from star_import.records import records
-from tests.plugins.commands.star_import.conftest import ROBOTS, Import
+from tests.plugins.formats.star_import.conftest import ROBOTS, Import
 
 Put = Callable[[str, str], str]
 Fly = Callable[..., Mission]
