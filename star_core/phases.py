@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from transitions import Machine
 
-from star_core.messages.arrays import Mask, Rows
+from star_core.messages.arrays import Mask, Rows, frozen
 from star_core.messages.state import AgentPhase, among
 from star_core.messages.telemetry import EMERGENCIES, Supervisor, emergency
 
@@ -91,7 +91,8 @@ class Phases:
                 auto_transitions=False,
                 ignore_invalid_triggers=True,
             )
-        self._now = np.zeros(len(names), np.int64)
+        self._now = frozen(np.zeros(len(names), np.int64))
+        self._among: dict[tuple[AgentPhase, ...], Mask] = {}  # of the present phases
         self._causes = [""] * len(names)  # of emergencies
         self._last_inputs: tuple[bytes, ...] = ()
 
@@ -105,8 +106,11 @@ class Phases:
         return self._now
 
     def among(self, *phases: AgentPhase) -> Mask:
-        """Return which agents are in one of some phases: (N,)."""
-        return among(self._now, *phases)
+        """Return which agents are in one of some phases: (N,), read-only."""
+        mask = self._among.get(phases)
+        if mask is None:
+            mask = self._among[phases] = frozen(among(self._now, *phases))
+        return mask
 
     def describe(self, row: int) -> str:
         """Return the phase of an agent, and the cause of an emergency if it is known."""
@@ -127,8 +131,9 @@ class Phases:
             self._causes[row] = cause or self._causes[row]
             model.trigger(trigger)  # type: ignore[attr-defined]  # made by the machine
             if model.state != self._now[row]:
-                self._now = self._now.copy()  # earlier results of `of_agents` must not change
-                self._now[row] = model.state
+                now = self._now.copy()  # earlier results of `of_agents` must not change
+                now[row] = model.state
+                self._now, self._among = frozen(now), {}
                 self._changes.append((self._names[row], model.state.name.lower()))
 
     def fire_mission(self, trigger: str) -> None:

@@ -40,7 +40,6 @@ from star_core.plugin_support.compute_time import ComputeTime, Stopwatch
 from star_core.plugin_support.guard import (
     PluginGuard,
     Strikes,
-    ToleratingGuard,
     close_all,
     require_methods,
     require_signature,
@@ -90,7 +89,6 @@ class PluginStage:
         self.making = PluginGuard(name, agents)
         self._calling = PluginGuard(name, agents, watch)
         self._strikes = strikes
-        self._tolerating = ToleratingGuard(self._calling, strikes)
 
     def make(self, scene: Scene, spec: Any, options: Mapping[str, Any], contract: type) -> None:
         """Make the plugin, and check that it has the methods of its contract."""
@@ -106,9 +104,7 @@ class PluginStage:
 
     def attempt(self, work: Callable[[], Value], otherwise: Callable[[], Value]) -> Value:
         """Return the result of what calls the plugin; of the other if a failure is tolerated."""
-        with self._tolerating:
-            return work()
-        return otherwise()
+        return self._calling.attempt(self._strikes, work, otherwise)
 
     def strike(self, reason: str) -> None:
         """Count a failure that only the outputs of several plugins show, as one that it raises."""

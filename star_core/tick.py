@@ -105,7 +105,7 @@ class ControlLoop:
         self._safety = SafetyFilter(scene)
         self._uncertain = UncertainAgents(scene, partial(observers.event, "safety"))
         self._vehicles = VehicleInterface(scene, pipeline, observers)
-        self._monitors: tuple[Monitor, ...] = (
+        monitors: tuple[Monitor, ...] = (
             self._vehicles.estimate_monitor,
             self._vehicles.unheard,
             self._rules,
@@ -115,6 +115,9 @@ class ControlLoop:
             SetpointMonitor(scene),
             PendingStrikes(pipeline.strikes),
         )
+        self._monitors = {
+            stage: [each for each in monitors if each.after is stage] for stage in Stage
+        }
         tasks = TaskPool(mission, registry, pipeline.compute_time)
         self._executor = StepExecutor(
             mission, tasks, self._assignments, observers, pipeline.strikes
@@ -147,7 +150,7 @@ class ControlLoop:
             self._check(Stage.TRACKED, state)
             excused = self._rules.excuse(state.health, state.estimate.valid)
             if reason := (
-                self._rules.reason_to_end(state.health, self._assignments.unassigned())
+                self._rules.reason_to_end(state.health, self._assignments.unassigned)
                 or self._lost_too_long(state.health, excused)
             ):
                 return MissionStatus(Status.FAILURE, reason)
@@ -201,10 +204,9 @@ class ControlLoop:
 
     def _check(self, stage: Stage, state: TickState) -> None:
         """Check a tick after a stage, and act on what the monitors find."""
-        for monitor in self._monitors:
-            if monitor.after is stage:
-                for finding in monitor.check(state):
-                    self._act(finding, state)
+        for monitor in self._monitors[stage]:
+            for finding in monitor.check(state):
+                self._act(finding, state)
 
     def _act(self, finding: Finding, state: TickState) -> None:
         """Act on a finding of a monitor; nothing else does."""
@@ -246,7 +248,9 @@ class ControlLoop:
         vehicles = self._vehicles
         state.goals, state.phase = self._goals, vehicles.phases.of_agents()
         state.landing = vehicles.phases.among(AgentPhase.LANDING)
-        state.landing[self._landing.rows] = True
+        if waiting := self._landing.rows:
+            state.landing = state.landing.copy()
+            state.landing[waiting] = True
         state.steered = vehicles.steered(state.estimate) & ~state.landing
         state.gone = self._gone()
 
@@ -264,7 +268,7 @@ class ControlLoop:
             self._scene,
             self._vehicles,
             self._landing,
-            self._assignments.unassigned,
+            self._assignments,
             self._observers,
             self._operator,
             complete=complete,
@@ -275,8 +279,7 @@ class ControlLoop:
     def stop_locating(self) -> None:
         """Stop calling the localizer, which may have failed: no agent is located any more."""
         self._vehicles.stop_locating()
-        located = self._vehicles.estimate_monitor
-        self._monitors = tuple(each for each in self._monitors if each is not located)
+        self._monitors[Stage.LOCATED].remove(self._vehicles.estimate_monitor)
 
     def give_up(self, error: PluginError) -> str:
         """Return what failed when all agents cannot be landed either, as `error` reports."""
@@ -355,7 +358,7 @@ class ControlLoop:
         """
         if self._reserves is not None:
             return np.zeros(len(self._scene.agents), np.bool_)
-        return self._assignments.removed()
+        return self._assignments.removed
 
     def _lost_too_long(self, health: Health, excused: Mask) -> str:
         """Return the reason to end if an agent of the mission has been lost for too long."""
@@ -366,7 +369,7 @@ class ControlLoop:
             self._lost_since.fill(np.inf)
             return ""
         self._lost_since = np.where(lost, np.fmin(self._lost_since, time), np.inf)
-        late = (time - self._lost_since > MAX_LOST_TIME) & ~self._assignments.unassigned()
+        late = (time - self._lost_since > MAX_LOST_TIME) & ~self._assignments.unassigned
         return f"{self._scene.named(np.flatnonzero(late))} is lost" if some(late) else ""
 
     def _context(self, state: TickState, excused: Mask) -> TickContext:

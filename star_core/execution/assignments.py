@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from star_core.messages.arrays import Mask
+from star_core.messages.arrays import Mask, frozen
 from star_core.scene import Scene
 
 
@@ -49,13 +49,19 @@ class Assignments:
     Attributes:
         retired: Slots that stay empty.
         version: Increases with each change.
+        removed: (N,) agents that have left the mission without reserves and cannot join it.
+        unassigned: (N,) agents that are not in the mission.
     """
+
+    removed: Mask
+    unassigned: Mask
 
     def __init__(self, n: int, reserve: Iterable[int] = ()) -> None:
         self._holder = list(range(n))
         self._vacant = set(reserve)
         self.retired = set(reserve)
         self.version = 0
+        self._changed()
 
     def holders(self, slots: Iterable[int]) -> dict[int, int]:
         """Return the row of the agent of each of some slots, without the empty ones."""
@@ -72,30 +78,26 @@ class Assignments:
         """Return the empty slots that an agent should be assigned to."""
         return sorted(self._vacant - self.retired)
 
-    def removed(self) -> Mask:
-        """Return which agents have left the mission without reserves and cannot join it: (N,)."""
-        removed = np.zeros(len(self._holder), np.bool_)
-        removed[self.vacancies()] = True
-        return removed
-
     def vacate(self, rows: Iterable[int], *, retire: bool = False) -> None:
         """Take agents out of the mission; with `retire`, their slots stay empty."""
         for row in rows:
             if (slot := self.slot(row)) is not None:
-                self.version += 1
                 self._vacant.add(slot)
                 if retire:
                     self.retired.add(slot)
+                self._changed()
 
     def assign(self, slot: int, row: int) -> None:
         """Assign an agent to a slot, replacing its present one."""
-        self.version += 1
         self._holder[slot] = row
         self._vacant.discard(slot)
         self.retired.discard(slot)
+        self._changed()
 
-    def unassigned(self) -> Mask:
-        """Return which agents are not in the mission: (N,)."""
-        out = np.ones(len(self._holder), np.bool_)
-        out[list(self.holders(range(len(self._holder))).values())] = False
-        return out
+    def _changed(self) -> None:
+        self.version += 1
+        removed = np.zeros(len(self._holder), np.bool_)
+        removed[self.vacancies()] = True
+        unassigned = np.ones(len(self._holder), np.bool_)
+        unassigned[list(self.holders(range(len(self._holder))).values())] = False
+        self.removed, self.unassigned = frozen(removed), frozen(unassigned)

@@ -166,10 +166,11 @@ def _checked_rows(goals: Goals, members: Mask) -> Rows:
         raise ContractError("has goals for agents that are not its own")
     rows = np.flatnonzero(goals.active)
     for name in NUMBERS:
-        values = getattr(goals, name)[rows]
-        if not every(np.isfinite(values)):
-            raise ContractError(f"Goals.{name} is {values.tolist()!r}, expected numbers")
-    if some(goals.speed[rows] < 0):
+        finite = np.isfinite(getattr(goals, name))
+        if not every(finite) and not every(finite[rows]):
+            values = getattr(goals, name)[rows].tolist()
+            raise ContractError(f"Goals.{name} is {values!r}, expected numbers")
+    if some(goals.active & (goals.speed < 0)):
         raise ContractError(f"Goals.speed is {goals.speed.tolist()!r}, expected 0 or more")
     return rows
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Final
 
 import numpy as np
 
 from star_core.errors import PluginError
+from star_core.execution.assignments import Assignments
 from star_core.execution.instructions import Instructions
 from star_core.execution.landing import LandingManager
 from star_core.messages.arrays import Mask
@@ -30,7 +30,7 @@ class LandAll:
         scene: The agents.
         vehicles: The swarm.
         landing: Commands the landings.
-        unassigned: Returns which agents are not in the mission: (N,).
+        assignments: The agents of the mission.
         observers: Receive the events.
         operator: Requests to stop the motors.
         complete: Whether the mission's steps are done.
@@ -43,7 +43,7 @@ class LandAll:
         scene: Scene,
         vehicles: VehicleInterface,
         landing: LandingManager,
-        unassigned: Callable[[], Mask],
+        assignments: Assignments,
         observers: Observers,
         operator: Operator,
         *,
@@ -54,7 +54,7 @@ class LandAll:
         self._scene = scene
         self._vehicles = vehicles
         self._landing = landing
-        self._unassigned = unassigned
+        self._assignments = assignments
         self._observers = observers
         self._operator = operator
         self._complete = complete
@@ -142,8 +142,8 @@ class LandAll:
     def _unreported(self) -> Mask:
         """Return which agents have flown and do not report to be on the ground: (N,)."""
         vehicles = self._vehicles
-        stops = vehicles.phases.among(AgentPhase.EMERGENCY)
-        stops &= vehicles.ground.stop_unconfirmed(vehicles.time)
+        stops = vehicles.ground.stop_unconfirmed(vehicles.time)
+        stops &= vehicles.phases.among(AgentPhase.EMERGENCY)
         unreported: Mask = vehicles.phases.among(*AIRBORNE) | stops
         return unreported
 
@@ -163,7 +163,7 @@ class LandAll:
         for row in np.flatnonzero(up & ground.assumed_down(time)).tolist():
             text = f"{names[row]} counts as landed: {ground.describe(row, time)}"
             self._observers.event("landing", text, names[row])
-        fails = aloft | (up & ~self._unassigned())
+        fails = aloft | (up & ~self._assignments.unassigned)
         if not fails.any():
             return ""
         return self._report("failure", "{} did not report to be on the ground", fails)
@@ -178,7 +178,7 @@ class LandAll:
 
     def _fallen(self) -> str:
         """Return which agents of a completed mission ended in emergency, if any."""
-        fallen = self._vehicles.phases.among(AgentPhase.EMERGENCY) & ~self._unassigned()
+        fallen = self._vehicles.phases.among(AgentPhase.EMERGENCY) & ~self._assignments.unassigned
         if not self._complete or not fallen.any():
             return ""
         return f"{self._scene.named(np.flatnonzero(fallen).tolist())} ended in emergency"

@@ -143,8 +143,10 @@ class LandingManager:
         Args:
             age: (N,) time since each agent was last heard, s.
         """
-        lands = (age > MAX_REPORT_AGE) & self._vehicles.phases.among(AgentPhase.LANDING)
-        unheard: Mask = lands & (self._vehicles.time > self._ends_at)
+        landing = self._vehicles.phases.among(AgentPhase.LANDING)
+        if not some(landing):
+            return landing
+        unheard: Mask = landing & (age > MAX_REPORT_AGE) & (self._vehicles.time > self._ends_at)
         return unheard
 
     def repeat_missed(self, telemetry: Telemetry, estimate: Estimate) -> None:
@@ -158,9 +160,10 @@ class LandingManager:
             telemetry: Of the tick.
             estimate: Of the agents' positions.
         """
-        landing = self._vehicles.phases.among(AgentPhase.LANDING) & (self._repeats < MAX_REPEATS)
+        landing = self._vehicles.phases.among(AgentPhase.LANDING)
         if not some(landing):
             return
+        landing = landing & (self._repeats < MAX_REPEATS)
         reported = telemetry.time - telemetry.age
         hovers = landing & (telemetry.age <= MAX_REPORT_AGE) & (telemetry.state & HOVERS == HOVERS)
         not_begun = hovers & (reported >= self._commanded_at + REPLY_TIME)

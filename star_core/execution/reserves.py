@@ -96,7 +96,7 @@ class ReserveManager:
         if time < self._report_at:
             return
         self._report_at = np.inf
-        on_ground = among(health.phase, *ON_GROUND) & self._assignments.unassigned()
+        on_ground = among(health.phase, *ON_GROUND) & self._assignments.unassigned
         limit = self._options["ready_above"]
         reasons = [
             f"{self._scene.agents[row].name} is at {health.battery[row]:.2f} V, {limit:g} V needed"
@@ -122,7 +122,7 @@ class ReserveManager:
     def _ready(self, estimate: Estimate, health: Health) -> int | None:
         """Return the agent on the ground with the fullest battery that may take off, if any."""
         on_ground = among(health.phase, *ON_GROUND)
-        ready = on_ground & estimate.valid & self._assignments.unassigned()
+        ready = on_ground & estimate.valid & self._assignments.unassigned
         ready &= (health.age <= MAX_REPORT_AGE) & (health.battery > self._options["ready_above"])
         ready[[*self._climbing, *self._unfit]] = False
         order = np.argsort(-health.battery[ready], kind="stable")

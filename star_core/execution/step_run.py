@@ -29,7 +29,6 @@ from star_core.plugin_support.compute_time import ComputeTime
 from star_core.plugin_support.guard import (
     PluginGuard,
     Strikes,
-    ToleratingGuard,
     close_all,
     require_methods,
     require_signature,
@@ -171,10 +170,15 @@ class StepRun:
         draft.doing.append(f"{self.action.verb} {self.team.label}")
         if reason := self._disabled(tick):
             return Status.FAILURE, reason
-        output = TaskOutput()
-        with ToleratingGuard(self.guard, self.shared.strikes):
-            answer = self.task.step(tick.estimate, tick.health)
-            output = draft.add(answer, self.team.members, self.shared.tasks.trajectories)
+        output = self.guard.attempt(
+            self.shared.strikes,
+            lambda: draft.add(
+                self.task.step(tick.estimate, tick.health),
+                self.team.members,
+                self.shared.tasks.trajectories,
+            ),
+            TaskOutput,
+        )
         for message in output.messages:
             text = f"{self.action.verb}: {message}"
             self.shared.report("task", text, self.action, self.team.rows, self.rounds)

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cache
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
-from star_core.messages.arrays import Array, Mask, Rows, every
+from star_core.messages.arrays import Array, Mask, Rows, every, frozen
 from star_core.toolkit.jit import compiled, subroutine
 
 MANY = 64
-"""Agents from which on neighbours are found in the order of x, by a kernel; below, by all pairs."""
+"""Agents from which on neighbours are found in the order of x; below, among all pairs."""
 
 ROUNDING = 1e-9  # share of a distance, and m, that covers its rounding
 
@@ -48,11 +47,9 @@ class Pairs:
             ([0], [2], [1.0])
         """
         if len(position) < MANY:
-            first, second = _every_pair(len(position))
-            return cls(first, second, _apart(position, first, second)).within(reach)
+            return cls(*_nearer(position, float(reach)))
         order = np.argsort(position[:, 0])
-        first, second = _swept(position[order], order, float(reach))
-        return cls(first, second, _apart(position, first, second))
+        return cls(*_swept(position[order], order, float(reach)))
 
     def within(self, reach: float) -> Self:
         """Return the pairs that are nearer than a smaller distance, m."""
@@ -70,15 +67,38 @@ def warm_up(agents: int) -> None:
 
     Agents that are not heard have several possible positions, so fewer than `MANY` may need it.
     """
+    Pairs.of(frozen(np.zeros((2, 3))), 0.0)
     if agents >= MANY // 2:
         Pairs.of(np.zeros((MANY, 3)), 0.0)
 
 
 @compiled
+def _nearer(position: Array, reach: float) -> tuple[Rows, Rows, Array]:
+    """Return the rows of those nearer than `reach`, m, the smaller row first, and their distances.
+
+    Args:
+        position: (N, 3) m.
+        reach: m.
+    """
+    n, count = len(position), 0
+    most = n * (n - 1) // 2
+    first, second, distance = np.empty(most, np.int64), np.empty(most, np.int64), np.empty(most)
+    for i in range(n):
+        for j in range(i + 1, n):
+            x, y = position[i, 0] - position[j, 0], position[i, 1] - position[j, 1]
+            z = position[i, 2] - position[j, 2]
+            apart = math.sqrt(x * x + y * y + z * z)
+            if apart < reach:  # NaN is not
+                first[count], second[count], distance[count] = i, j, apart
+                count += 1
+    return first[:count], second[:count], distance[:count]
+
+
+@compiled
 def _swept(  # noqa: C901, PLR0912 -- one loop over agents, strips and neighbors
     position: Array, order: Rows, reach: float
-) -> tuple[Rows, Rows]:
-    """Return the rows of those nearer than `reach`, m, the smaller row first.
+) -> tuple[Rows, Rows, Array]:
+    """Return the rows of those nearer than `reach`, m, the smaller row first, and their distances.
 
     The plane is cut into strips along x; those near an agent are in its strip or in the next ones.
     The pairs are in the order of x of the first agent, and then of the other.
@@ -108,7 +128,7 @@ def _swept(  # noqa: C901, PLR0912 -- one loop over agents, strips and neighbors
         if strip[i] >= 0:
             member[end[strip[i]]] = i
             end[strip[i]] += 1
-    first, second = np.empty(4 * n, np.int64), np.empty(4 * n, np.int64)
+    first, second, distance = np.empty(4 * n, np.int64), np.empty(4 * n, np.int64), np.empty(4 * n)
     for i in range(n):
         if strip[i] < 0:
             continue
@@ -122,40 +142,27 @@ def _swept(  # noqa: C901, PLR0912 -- one loop over agents, strips and neighbors
                 ahead, aside, above = position[j, 0] - x, position[j, 1] - y, position[j, 2] - z
                 if not ahead < reach:  # what is NaN is not, and stands last
                     break
-                if not math.sqrt(ahead * ahead + aside * aside + above * above) < reach:
+                apart = math.sqrt(ahead * ahead + aside * aside + above * above)
+                if not apart < reach:
                     continue
                 if count == len(first):
-                    first, second = longer(first), longer(second)
+                    first, second, distance = longer(first), longer(second), longer(distance)
                 slot = count
                 while slot > begin and second[slot - 1] > j:  # in the order of x
-                    second[slot] = second[slot - 1]
+                    second[slot], distance[slot] = second[slot - 1], distance[slot - 1]
                     slot -= 1
-                first[count], second[slot] = i, j
+                first[count], second[slot], distance[slot] = i, j, apart
                 count += 1
     for k in range(count):
         row, neighbor = order[first[k]], order[second[k]]
         first[k], second[k] = min(row, neighbor), max(row, neighbor)
-    return first[:count], second[:count]
+    return first[:count], second[:count], distance[:count]
 
 
 @subroutine
-def longer(values: Rows) -> Rows:
+def longer(values: Any) -> Any:
     """Return an array of twice the length that begins with some values."""
-    more = np.empty(2 * len(values), np.int64)
+    more = np.empty(2 * len(values), values.dtype)
     for k in range(len(values)):  # a slice would take seconds to compile
         more[k] = values[k]
     return more
-
-
-def _apart(position: Array, first: Rows, second: Rows) -> Array:
-    with np.errstate(invalid="ignore"):  # from infinite to infinite
-        offset = position.take(first, 0) - position.take(second, 0)
-    apart: Array = np.sqrt(np.vecdot(offset, offset))
-    return apart
-
-
-@cache
-def _every_pair(n: int) -> tuple[Rows, Rows]:
-    """Every two of `n` rows, as two columns."""
-    first, second = np.triu_indices(n, 1)
-    return np.ascontiguousarray(first), np.ascontiguousarray(second)

@@ -30,8 +30,7 @@ def position_margin(covariance: Array, deviations: float, radius: float) -> Arra
     """
     if deviations == 0.0:
         return np.zeros(len(covariance))
-    with np.errstate(invalid="ignore"):  # some are not finite
-        margin: Array = np.fmin(deviations * _deviation(covariance), MAX_MARGIN_RATIO * radius)
+    margin: Array = np.fmin(deviations * _deviation(covariance), MAX_MARGIN_RATIO * radius)
     return margin
 
 
@@ -47,8 +46,9 @@ def _deviation(covariance: Array) -> Array:
     if _last is not None and _last[0] is covariance:
         return _last[1]
     xx, xy, yy = covariance[:, 0, 0], covariance[:, 0, 1], covariance[:, 1, 1]
-    variance = (xx + yy) / 2 + np.hypot((xx - yy) / 2, xy)  # the greater eigenvalue
-    deviation = np.sqrt(np.maximum(variance, 0.0))
+    with np.errstate(invalid="ignore"):  # some are not finite
+        variance = (xx + yy) / 2 + np.hypot((xx - yy) / 2, xy)  # the greater eigenvalue
+        deviation = np.sqrt(np.maximum(variance, 0.0))
     if not covariance.flags.writeable and covariance.base is None:
         _last = covariance, deviation
     return deviation

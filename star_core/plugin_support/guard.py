@@ -10,9 +10,11 @@ from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from types import MappingProxyType, TracebackType
-from typing import Any
+from typing import Any, TypeVar
 
 from star_core.errors import CommandError, ContractError, PluginError, StarError
+
+Value = TypeVar("Value")
 
 log = logging.getLogger(__name__)
 
@@ -85,12 +87,12 @@ class PluginGuard:
     ) -> None:
         self.plugin = plugin
         self._agents = agents
-        self._stopwatch = stopwatch or nullcontext()
-        self.begin: Callable[[], object] = self._stopwatch.__enter__
-        self.end: Callable[..., object] = self._stopwatch.__exit__
+        stopwatch = stopwatch or nullcontext()
+        self._begin: Callable[[], object] = stopwatch.__enter__
+        self._end: Callable[..., object] = stopwatch.__exit__
 
     def __enter__(self) -> None:
-        self.begin()
+        self._begin()
 
     def __exit__(
         self,
@@ -98,7 +100,31 @@ class PluginGuard:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        self.end(kind, error, trace)
+        self._end(kind, error, trace)
+        if error is not None:
+            self._attribute(error, trace)
+
+    def attempt(
+        self, strikes: Strikes, work: Callable[[], Value], otherwise: Callable[[], Value]
+    ) -> Value:
+        """Return the result of `work`; of `otherwise` if it fails and that is tolerated."""
+        self._begin()
+        try:
+            result = work()
+        except BaseException as error:
+            self._end(type(error), error, error.__traceback__)
+            try:
+                self._attribute(error, error.__traceback__)
+            except PluginError as failure:
+                if strikes.tolerates(self.plugin, failure):
+                    return otherwise()
+                raise
+            raise
+        self._end(None, None, None)
+        return result
+
+    def _attribute(self, error: BaseException, trace: TracebackType | None) -> None:
+        """Raise the `PluginError` for an error of the plugin."""
         if not isinstance(error, Exception | SystemExit | PluginTimeout):
             return
         log.debug("%s raised", self.plugin, exc_info=error)
@@ -112,40 +138,6 @@ class PluginGuard:
         raise PluginError(
             f"{self.plugin}: {text} ({innermost.filename}:{innermost.lineno})"
         ) from error
-
-
-class ToleratingGuard:
-    """Likewise, but suppresses failures as long as they are tolerated.
-
-    Args:
-        guard: Names the plugin.
-        strikes: Counts its failures.
-    """
-
-    def __init__(self, guard: PluginGuard, strikes: Strikes) -> None:
-        self._guard = guard
-        self._strikes = strikes
-        self._begin, self._end = guard.begin, guard.end
-
-    def __enter__(self) -> None:
-        self._begin()
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> bool:
-        if error is None:
-            self._end(None, None, None)
-            return False
-        try:
-            self._guard.__exit__(kind, error, trace)
-        except PluginError as failure:
-            if self._strikes.tolerates(self._guard.plugin, failure):
-                return True
-            raise
-        return False
 
 
 def close_all(plugins: Iterable[tuple[PluginGuard, object]]) -> list[str]:

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
 from star_core.geometry.neighbours import Pairs, warm_up
-from star_core.messages.arrays import Array, Mask, Rows, every, frozen
+from star_core.messages.arrays import Array, Mask, Rows, frozen
 from star_core.messages.events import Corrected
 from star_core.messages.position_margin import MAX_MARGIN_RATIO, WALL_RADIUS, position_margin
 from star_core.messages.rotations import Transform
@@ -21,7 +20,7 @@ from star_core.safety.braking import (
     approach_speed,
     slow_down,
 )
-from star_core.safety.walls import brake_for_walls, walls
+from star_core.safety.walls import Walls, brake_for_walls, walls
 from star_core.scene import Scene
 from star_core.toolkit.jit import compiled, subroutine
 
@@ -102,70 +101,33 @@ class SafetyFilter:
         self, estimate: Estimate, safe: Setpoint, planned: Setpoint, near: Pairs
     ) -> tuple[Setpoint, Corrected]:
         """Filter tables that list every position at which an agent may be."""
-        active = planned.active
-        if not every(np.isfinite(estimate.velocity)):  # treated as stationary
-            velocity = np.nan_to_num(estimate.velocity, posinf=0.0, neginf=0.0)
-            estimate = replace(estimate, velocity=velocity)
-        commanded = safe.active & active
-        requested = np.where(commanded[:, None], safe.velocity, 0.0)
-        slowed = self._slowed(requested)
-        margin = position_margin(estimate.covariance, self._uncertainty_margin, WALL_RADIUS)
-        beside = self._beside_walls(slowed, estimate, active, margin)
-        inside, apart = self._limited(beside, estimate, active, near)
-        yaw = np.where(commanded, safe.yaw, planned.yaw)
-        sent = Setpoint(frozen(apart), frozen(yaw), active)
-        return sent, Corrected(
-            fence=_differ(inside, beside) & active,
-            speed=_differ(slowed, requested) & active,
-            separation=_differ(apart, inside) & active,
-            obstacle=_differ(beside, slowed) & active,
-        )
-
-    def _beside_walls(
-        self, velocity: Array, estimate: Estimate, active: Mask, margin: Array
-    ) -> Array:
-        """Return (N, 3) velocities with which uncertain agents can brake before walls and fence."""
-        rows: Rows = (active & (margin > 0.0)).nonzero()[0]
-        if not len(rows):
-            return velocity
-        slower = velocity.copy()
-        brake_for_walls(
-            slower,
-            np.ascontiguousarray(estimate.position),
-            np.ascontiguousarray(estimate.velocity),
-            rows,
-            margin,
-            self._walls,
-            self._fence,
-            self._speed,
-            self._brakes,
-            self._period,
-        )
-        return slower
-
-    def _limited(
-        self, velocity: Array, estimate: Estimate, active: Mask, near: Pairs
-    ) -> tuple[Array, Array]:
-        """Return (N, 3) velocities that stay inside the fence, and (N, 3) that keep apart too."""
+        velocity, yaw = np.empty(safe.velocity.shape), np.empty(len(safe.yaw))
+        changed = np.empty((4, len(yaw)), np.bool_)
         near = near.within(self.reach if self._separation > 0 else 0.0)
-        inside, apart = velocity.copy(), np.empty(velocity.shape)
-        limit_velocities(
-            inside,
-            apart,
+        correct(
+            velocity,
+            yaw,
+            changed,
+            safe.velocity,
+            safe.yaw,
+            safe.active,
+            planned.yaw,
+            planned.active,
             estimate.position,
             estimate.velocity,
-            active,
+            position_margin(estimate.covariance, self._uncertainty_margin, WALL_RADIUS),
+            position_margin(estimate.covariance, self._uncertainty_margin, self._separation / 2),
             near.first,
             near.second,
+            self._walls,
             self._fence,
             self._speed,
             self._brakes,
             self._separation,
             self._vertical_separation,
-            position_margin(estimate.covariance, self._uncertainty_margin, self._separation / 2),
             self._period,
         )
-        return inside, np.where(active[:, None], apart, inside) if len(near.first) else inside
+        return Setpoint(frozen(velocity), frozen(yaw), planned.active), Corrected(*changed)
 
     def _warm_up(self, agents: int) -> None:
         """Compile the kernels, or load them from disk, before the flight."""
@@ -173,25 +135,7 @@ class SafetyFilter:
         frames, setpoint = Transform(level, two), Setpoint(two, level, both)
         estimate = Estimate(0.0, two, two, level, np.zeros((2, 3, 3)), both, frames)
         self.filter(estimate, setpoint, setpoint, Pairs.of(two, self.reach))
-        if self._uncertainty_margin:
-            self._beside_walls(two.copy(), estimate, both, both.astype(np.float64))
         warm_up(agents)
-
-    def _slowed(self, velocity: Array) -> Array:
-        """Return (N, 3) velocities, none faster than the limit."""
-        square = np.vecdot(velocity, velocity)
-        if square.max(initial=0.0) <= self._speed * self._speed:
-            return velocity
-        slowed: Array = velocity * (self._speed / np.maximum(np.sqrt(square), self._speed))[:, None]
-        return slowed
-
-
-def _differ(first: Array, second: Array) -> Mask:
-    """Return which rows differ by more than `MIN_CORRECTION`: (N,)."""
-    if first is second or not np.count_nonzero(first != second):
-        return np.zeros(len(first), np.bool_)
-    differ: Mask = np.abs(first - second).max(axis=1, initial=0.0) > MIN_CORRECTION
-    return differ
 
 
 MAX_ITERATIONS: Final = 30
@@ -202,53 +146,133 @@ TOLERANCE: Final = 1e-3
 
 
 @compiled
-def limit_velocities(  # noqa: C901, PLR0913, PLR0917 -- numba takes plain arguments apart quickest
-    inside: Array,
+def correct(  # noqa: C901, PLR0913, PLR0917 -- numba takes plain arguments apart quickest
     apart: Array,
-    position: Array,
-    flown: Array,
+    yaw: Array,
+    changed: Mask,
+    safe: Array,
+    safe_yaw: Array,
+    has_safe: Mask,
+    planned_yaw: Array,
     active: Mask,
+    position: Array,
+    velocity: Array,
+    wall_margin: Array,
+    margin: Array,
     first: Rows,
     second: Rows,
+    wall: Walls,
     fence: Array,
     speed: float,
     brakes: float,
     separation: float,
     vertical_separation: float,
-    margin: Array,
     period: float,
 ) -> None:
-    """Correct velocities so that agents can brake before the fence and before each other.
+    """Compute the setpoints to send, as `SafetyFilter` describes them.
+
+    Args:
+        apart: (N, 3) output: velocities to send, m/s.
+        yaw: (N,) output: headings to send, rad.
+        changed: (4, N) output: as the columns of `Corrected`, in their order.
+        safe: (N, 3) the avoider's velocities, m/s.
+        safe_yaw: (N,) its headings, rad.
+        has_safe: (N,) its active rows.
+        planned_yaw: (N,) the planner's headings, rad.
+        active: (N,) agents that are steered.
+        position: (N, 3) m.
+        velocity: (N, 3) current velocities, m/s; what is not finite counts as at rest.
+        wall_margin: (N,) to obstacles and fence, for each agent's uncertain position, m.
+        margin: (N,) to other agents, likewise, m.
+        first: (P,) one of every two agents that are near each other.
+        second: (P,) the other.
+        wall: The pieces of the obstacles.
+        fence: (2, 3) its lowest and its highest corner, m.
+        speed: Greatest speed, m/s.
+        brakes: Greatest deceleration, m/s².
+        separation: Horizontal semi-axes of the ellipsoid around an agent that others keep free, m.
+        vertical_separation: Its vertical semi-axis, m.
+        period: Of the ticks, s.
+    """
+    n = len(active)
+    flown, requested, slowed = np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3))
+    beside, inside = np.empty((n, 3)), np.empty((n, 3))
+    for row in range(n):
+        commanded = has_safe[row] and active[row]
+        yaw[row] = safe_yaw[row] if commanded else planned_yaw[row]
+        squared = 0.0
+        for axis in range(3):
+            fast = velocity[row, axis]
+            flown[row, axis] = fast if math.isfinite(fast) else 0.0
+            requested[row, axis] = safe[row, axis] if commanded else 0.0
+            squared += requested[row, axis] * requested[row, axis]
+        share = speed / max(math.sqrt(squared), speed) if squared > speed * speed else 1.0
+        for axis in range(3):
+            slowed[row, axis] = beside[row, axis] = requested[row, axis] * share
+        if active[row] and wall_margin[row] > 0.0:
+            room = wall_margin[row]
+            brake_for_walls(beside, position, flown, row, room, wall, fence, speed, brakes, period)
+        for axis in range(3):
+            inside[row, axis] = beside[row, axis]
+        if active[row]:
+            bound(inside, position, flown, row, fence, speed, brakes, period)
+        for axis in range(3):
+            apart[row, axis] = inside[row, axis] if active[row] else flown[row, axis]
+    if len(first):
+        pairs, motion = (first, second, margin), (speed, brakes, period)
+        sizes = (separation, vertical_separation)
+        separate(apart, position, flown, active, pairs, fence, sizes, motion)
+    for row in range(n):
+        changed[0, row] = active[row] and differ(inside, beside, row)
+        changed[1, row] = active[row] and differ(slowed, requested, row)
+        changed[2, row] = active[row] and differ(apart, inside, row)
+        changed[3, row] = active[row] and differ(beside, slowed, row)
+        for axis in range(3):
+            if not active[row]:
+                apart[row, axis] = inside[row, axis]
+
+
+@subroutine
+def differ(one: Array, other: Array, row: int) -> bool:
+    """Return whether two velocities of an agent differ by more than `MIN_CORRECTION`."""
+    most = 0.0
+    for axis in range(3):
+        most = max(most, abs(one[row, axis] - other[row, axis]))
+    return most > MIN_CORRECTION
+
+
+@subroutine
+def separate(
+    apart: Array,
+    position: Array,
+    flown: Array,
+    active: Mask,
+    pairs: tuple[Rows, Rows, Array],
+    fence: Array,
+    sizes: tuple[float, float],
+    motion: tuple[float, float, float],
+) -> None:
+    """Change velocities of agents to such from which they can brake before each other.
 
     The excess of a closing speed is shared equally by the two agents. Corrections are repeated,
     since each can bring an agent too close to another; agents that still violate a constraint then
     stop.
 
     Args:
-        inside: (N, 3) velocities no faster than `speed`, m/s; active rows are changed to such that
-            agents can brake before the fence.
-        apart: (N, 3) output: those from which they can brake before each other as well, m/s; rows
-            that are not active are undefined.
+        apart: (N, 3) velocities with which agents stay inside the fence, m/s; active rows are
+            changed, the others are those that the agents fly.
         position: (N, 3) m.
         flown: (N, 3) current velocities, m/s.
         active: (N,) agents that are steered; the others keep their velocity.
-        first: (P,) one of every two agents that are near each other.
-        second: (P,) the other.
+        pairs: (P,) rows of every two agents that are near each other, and (N,) the margins for
+            uncertain positions, m.
         fence: (2, 3) its lowest and its highest corner, m.
-        speed: Greatest speed, m/s.
-        brakes: Greatest deceleration, m/s².
-        separation: Horizontal semi-axes of the ellipsoid around an agent that others keep free, m.
-        vertical_separation: Its vertical semi-axis, m.
-        margin: (N,) for each agent's uncertain position, m.
-        period: Of the ticks, s.
+        sizes: Horizontal and vertical semi-axis of the ellipsoid, m.
+        motion: Greatest speed, m/s, greatest deceleration, m/s², and period of the ticks, s.
     """
-    for row in range(len(active)):
-        if active[row]:
-            bound(inside, position, flown, row, fence, speed, brakes, period)
-        for axis in range(3):
-            apart[row, axis] = inside[row, axis] if active[row] else flown[row, axis]
-    if len(first) == 0:
-        return
+    first, second, margin = pairs
+    separation, vertical_separation = sizes
+    speed, brakes, period = motion
     direction, allowed = np.empty((len(first), 3)), np.empty(len(first))
     flat = separation / vertical_separation
     for pair in range(len(first)):

@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 
 from star_core.messages.arrays import Array, Mask, every, some
-from star_core.messages.state import AgentPhase, Estimate, Health
+from star_core.messages.state import AgentPhase, Estimate, Health, among
 from star_core.safety.agents_in_the_way import MAX_REPORT_AGE
 from star_core.safety.monitors import Exclude, SafetyAction, Stage, TickState
 from star_core.scene import Scene
@@ -80,8 +80,10 @@ class Rules:
 
     def excuse(self, health: Health, located: Mask) -> Mask:
         """(N,) agents that are lost, but that a rule will act on: their steps do not fail yet."""
+        excused = np.zeros(len(health.age), np.bool_)
+        if not some(among(health.phase, AgentPhase.LOST, AgentPhase.LANDING)):
+            return excused
         heard = health.age <= MAX_REPORT_AGE
-        excused = np.zeros(len(heard), np.bool_)
         lost = health.phase == AgentPhase.LOST
         if "link_lost" in self._rules:
             excused |= (lost | (health.phase == AgentPhase.LANDING)) & ~heard

@@ -10,7 +10,7 @@ import numpy as np
 
 from star_core.messages.arrays import Array, Rows
 from star_core.safety.braking import approach_speed, slow_down, yielding_room
-from star_core.toolkit.jit import compiled, subroutine
+from star_core.toolkit.jit import subroutine
 from star_core.world.world import CONTACT_RADIUS, Obstacle
 
 BESIDE: Final = 0.1  # m: an agent this little above or below an obstacle counts as beside it
@@ -80,60 +80,59 @@ def nearest_wall(position: Array, row: int, wall: Walls) -> tuple[float, int, fl
     return nearest, piece, away_x, away_y
 
 
-@compiled
+@subroutine
 def brake_for_walls(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apart quickest
     velocity: Array,
     position: Array,
     flown: Array,
-    rows: Rows,
-    margin: Array,
+    row: int,
+    margin: float,
     wall: Walls,
     fence: Array,
     speed: float,
     brakes: float,
     period: float,
 ) -> None:
-    """Change velocities to ones with which agents can brake before obstacles and fence beside them.
+    """Change a velocity to one with which the agent can brake before obstacles and fence beside it.
 
     The law is that of `SafetyFilter`, with the distance to contact, or to a side of the fence, less
     the margin, which yields.
 
     Args:
-        velocity: (N, 3) m/s; changed.
+        velocity: (N, 3) m/s; a row is changed.
         position: (N, 3) m.
         flown: (N, 3) current velocities, m/s.
-        rows: (K,) agents whose velocities are changed.
-        margin: (N,) for each agent's uncertain position, m.
+        row: Of the agent.
+        margin: For its uncertain position, m.
         wall: The pieces of the obstacles.
         fence: (2, 3) its lowest and its highest corner, m.
         speed: Greatest speed, m/s.
         brakes: Greatest deceleration, m/s².
         period: Of the ticks, s.
     """
-    for row in rows:
-        changed = False
-        for _ in range(PASSES):
-            for k in range(len(wall.obstacle)):
-                if not is_beside(position, row, wall, k):
-                    continue
-                distance, x, y = way_out(position[row, 0], position[row, 1], wall, k)
-                room = yielding_room(distance - CONTACT_RADIUS, margin[row])
-                approach = -(x * flown[row, 0] + y * flown[row, 1])
-                most = approach_speed(room, approach, brakes, period)
-                excess = -(x * velocity[row, 0] + y * velocity[row, 1]) - most
-                if excess > 0.0:
-                    velocity[row, 0] += excess * x
-                    velocity[row, 1] += excess * y
-                    changed = True
-        if changed:
-            slow_down(velocity, row, speed)
-        for axis in range(2):
-            coordinate, fast = position[row, axis], flown[row, axis]
-            above = yielding_room(fence[1, axis] - coordinate, margin[row])
-            below = yielding_room(coordinate - fence[0, axis], margin[row])
-            up = approach_speed(above, fast, brakes, period)
-            down = approach_speed(below, -fast, brakes, period)
-            velocity[row, axis] = min(max(velocity[row, axis], min(-down, up)), max(up, -down))
+    changed = False
+    for _ in range(PASSES):
+        for k in range(len(wall.obstacle)):
+            if not is_beside(position, row, wall, k):
+                continue
+            distance, x, y = way_out(position[row, 0], position[row, 1], wall, k)
+            room = yielding_room(distance - CONTACT_RADIUS, margin)
+            approach = -(x * flown[row, 0] + y * flown[row, 1])
+            most = approach_speed(room, approach, brakes, period)
+            excess = -(x * velocity[row, 0] + y * velocity[row, 1]) - most
+            if excess > 0.0:
+                velocity[row, 0] += excess * x
+                velocity[row, 1] += excess * y
+                changed = True
+    if changed:
+        slow_down(velocity, row, speed)
+    for axis in range(2):
+        coordinate, fast = position[row, axis], flown[row, axis]
+        above = yielding_room(fence[1, axis] - coordinate, margin)
+        below = yielding_room(coordinate - fence[0, axis], margin)
+        up = approach_speed(above, fast, brakes, period)
+        down = approach_speed(below, -fast, brakes, period)
+        velocity[row, axis] = min(max(velocity[row, axis], min(-down, up)), max(up, -down))
 
 
 @subroutine

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -292,12 +291,14 @@ class Simulator:
             ContractError: A velocity or yaw of an active row is not finite.
         """
         finite = np.isfinite(setpoint.velocity).all(axis=1) & np.isfinite(setpoint.yaw)
-        if not finite[setpoint.active].all():
-            rows = np.flatnonzero(setpoint.active & ~finite)
+        rows = (setpoint.active & ~finite).nonzero()[0]
+        if len(rows):
             raise ContractError(f"the setpoint of {self._scene.named(rows)} is not finite")
         heard = setpoint
         if self._link is not None:
-            heard = replace(setpoint, active=self._link.heard(setpoint.active))
+            active = self._link.heard(setpoint.active)
+            if active is not setpoint.active:
+                heard = Setpoint(setpoint.velocity, setpoint.yaw, active)
         self._send(lambda: commander.take(self.drones, heard, self._step * STEP))
         return setpoint
 

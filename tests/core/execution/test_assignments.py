@@ -8,7 +8,7 @@ from star_core.execution.assignments import Assignments
 def test_initially_all_agents_but_reserves_hold_their_own_slots() -> None:
     assignments = Assignments(3, [2])
     assert assignments.holders(range(3)) == {0: 0, 1: 1}
-    assert assignments.unassigned().tolist() == [False, False, True]
+    assert assignments.unassigned.tolist() == [False, False, True]
     assert assignments.slot(2) is None
 
 
@@ -26,7 +26,7 @@ def test_a_vacated_slot_is_a_vacancy_until_an_agent_is_assigned() -> None:
         {0: 2, 1: 1},
         0,
     )
-    assert assignments.unassigned().tolist() == [True, False, False]
+    assert assignments.unassigned.tolist() == [True, False, False]
 
 
 def test_a_relieved_agent_is_out_though_its_slot_is_filled() -> None:
