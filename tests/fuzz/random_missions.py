@@ -13,6 +13,7 @@ from tests.fuzz.random_steps import Author, Infeasible, yaml_text
 from tests.fuzz.random_worlds import Data, Room
 
 LOCALIZERS: Final = ("exact", "flow", "apriltag")
+NAMED: Final = 0.3  # share of the missions that name numbers, and of the numbers that stay
 
 
 @dataclass(frozen=True)
@@ -79,7 +80,25 @@ def random_mission(
     }
     if author.reserve:
         mission["reserve"] = {"agents": author.reserve, "relieve_below": 3.0}
+    names: Data = {}
+    if draw.random() < NAMED:
+        body = _named(draw, body, names)
+        mission["let"] = names
     return RandomMission(mission | {"mission": body}, room.world(), author.files)
+
+
+def _named(draw: Draw, value: Any, names: Data) -> Any:
+    """Return steps with the same numbers, some of them by names, which are added to `names`."""
+    if isinstance(value, dict):
+        return {key: _named(draw, item, names) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_named(draw, item, names) for item in value]
+    if isinstance(value, bool) or not isinstance(value, int | float) or draw.random() < NAMED:
+        return value
+    name = f"n{len(names)}"
+    names[name] = value
+    forms = [f"${name}", f"$({name})", f"$(2 * {name} - {name})", f"$(-(-{name}) * 2 / 2)"]
+    return draw.choice(forms)
 
 
 def _begun(draw: Draw, agents: int, localizer: str) -> tuple[Room, Author]:

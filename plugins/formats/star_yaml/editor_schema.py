@@ -1,4 +1,4 @@
-"""Schemas for editors: with titles and, for files of steps, with parameters for values."""
+"""Schemas for editors: with titles and, for missions and steps, with names for values."""
 
 from __future__ import annotations
 
@@ -11,10 +11,13 @@ from star_yaml.schema import PARAMETER
 NO_SCHEMAS: Final = ("const", "default", "enum", "examples")
 """Keywords whose values are no schemas, whatever they look like."""
 
-_NAMED: Final = {
+_NAMED: Final = {"$ref": "#/$defs/named_value"}
+NAMED_VALUE: Final = {
     "pattern": PARAMETER,
-    "patternErrorMessage": "a string here is '$' and the name of a parameter",
+    "patternErrorMessage": "a string here is '$' and a name, or $(...) with arithmetic",
 }
+_UNNAMED: Final = ("star", "let", "parameters")
+"""Keys at the top of a file whose values are written out."""
 # keywords under which schemas stand: by name, in a list, and one; `if` and `not` stay as they are
 _MAPS: Final = ("properties", "patternProperties", "dependentSchemas", "$defs")
 _LISTS: Final = ("allOf", "anyOf", "prefixItems")
@@ -32,7 +35,7 @@ _OF_STRINGS: Final = (
 def editor_schema(kind: str, registry: Registry) -> dict[str, Any]:
     """Return the JSON Schema of a kind of file for editors, with the options of all plugins."""
     schema = registry.find("file_kind", kind).offer.schema(registry)
-    return for_editors(schema, parameters=kind == "steps")
+    return for_editors(schema, parameters=kind in {"mission", "steps"})
 
 
 def for_editors(schema: dict[str, Any], *, parameters: bool = False) -> dict[str, Any]:
@@ -40,13 +43,18 @@ def for_editors(schema: dict[str, Any], *, parameters: bool = False) -> dict[str
 
     Args:
         schema: To be changed in place.
-        parameters: Whether a parameter may replace every value of its definitions.
+        parameters: Whether a name or an expression may stand for every value.
     """
     _entitle(schema, schema)
     if parameters:
-        schema["$defs"] = {
-            name: admitting(definition) for name, definition in schema["$defs"].items()
-        }
+        for key in ("properties", "$defs"):
+            schema[key] = {
+                name: rules
+                if (key, name) in {("properties", key) for key in _UNNAMED}
+                else admitting(rules)
+                for name, rules in schema[key].items()
+            }
+        schema["$defs"]["named_value"] = NAMED_VALUE
     return schema
 
 

@@ -1,39 +1,55 @@
-"""Steps and cameras in files of their own, put into the mission that names them.
-
-Values keep the locations at which they are written. A value of a parameter is located where it is
-written and then, after a colon, where it is used.
-"""
+"""A mission as one document: names replaced by their values, and files put in that it names."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 from star_core import InputError, Registry
-from star_core.formats import Document, Mark, Value, coded, inside
+from star_core.formats import Document, Value, coded, inside
 from star_core.toolkit import suggestion
 from star_yaml import schema
-from star_yaml.schema import SIGN, is_parameter
-
-_COORDINATES: Final = 3
-"""Values in a list whose locations are listed in the list's own: a point has no more."""
+from star_yaml.schema import SIGN
+from star_yaml.scopes import Findings, Scope, parameters
 
 
-def with_files(document: Document, registry: Registry) -> tuple[Document, list[str]]:
-    """Return a mission with its cameras' files and included steps put in, and the problems.
+def resolved(
+    document: Document, composed: Mapping[str, Any], registry: Registry
+) -> tuple[Document, list[str]]:
+    """Return a mission without names, with what its files contain, and the problems.
 
-    Included steps become a ``repeat`` of one time. What cannot be read remains as it is; and so
-    does what is not an ``include`` or a ``file`` by the schema, which then reports it.
+    Its ``let`` has the values of its names. Included steps become a ``repeat`` of one time, and an
+    ``each`` with values by agent becomes one for each of them. What cannot be read remains as it
+    is; and so does what is not an ``include`` or a ``file`` by the schema, which then reports it.
+
+    Args:
+        document: The mission.
+        composed: Its schema.
+        registry: Of the kinds of files.
+
+    Raises:
+        InputError: A name has no value, or an expression is wrong; lists what else is wrong by the
+            schema.
     """
-    files = _Files(document, registry)
+    findings = Findings()
     data = dict(document.root.map())
+    let = data.pop("let", None)
+    scope, values = Scope.of_mission(let, findings)
+    data = {key: scope.fill(value) for key, value in data.items()}
+    if let is not None:
+        data["let"] = replace(let, data={**values})
+    document = replace(document, root=replace(document.root, data=data))
+    if findings.problems:
+        problems = schema.problems(document, composed, parameters=True)
+        raise InputError(document.in_order([*findings.problems, *problems]))
+    files = _Files(document, registry, findings)
     if "cameras" in data:
         data["cameras"] = files.cameras(data["cameras"])
     if "mission" in data:
         data["mission"] = files.steps(data["mission"], (document.path.resolve(),))
-    return replace(document, root=replace(document.root, data=data)), files.problems
+    return replace(document, root=replace(document.root, data=data)), findings.problems
 
 
 def check_alone(document: Document, composed: Mapping[str, Any]) -> None:
@@ -51,10 +67,12 @@ def check_alone(document: Document, composed: Mapping[str, Any]) -> None:
     """
     if problems := schema.problems(document, schema.load("steps")) or _default_problems(document):
         raise InputError(problems)
-    filled, problems = _filled(document.root.need("mission"), _defaults(document))
+    findings = Findings()
+    scope = Scope.of_parameters(_defaults(document), findings)
+    filled = scope.fill(document.root.need("mission"))
     root = replace(document.root, data={**document.root.map(), "mission": filled})
     if problems := [
-        *problems,
+        *findings.problems,
         *schema.problems(replace(document, root=root), composed, parameters=True),
     ]:
         raise InputError(problems)
@@ -63,8 +81,8 @@ def check_alone(document: Document, composed: Mapping[str, Any]) -> None:
 class _Files:
     """Reads the files of a mission, each once, and puts their content into it."""
 
-    def __init__(self, mission: Document, registry: Registry) -> None:
-        self.problems: list[str] = []
+    def __init__(self, mission: Document, registry: Registry, findings: Findings) -> None:
+        self._findings = findings
         self._registry = registry
         self._folder = mission.path.parent
         self._read: dict[tuple[str, Path], Document] = {}
@@ -113,18 +131,14 @@ class _Files:
         source = self._file(include.need("file"), "steps", chain)
         if source is None:
             return step
-        before = len(self.problems)
+        problems = self._findings.problems
+        before = len(problems)
         arguments = include.map()["with"].map() if "with" in include.map() else {}
         values = self._values(include, arguments, source)
-        if len(chain) == 1:
-            for mark in (mark for value in arguments.values() for mark in _parameters(value)):
-                self._report(
-                    mark, "parameters are for files that missions include", "misplaced-key"
-                )
-        steps, problems = _filled(source.root.need("mission"), values)
-        self.problems += problems
+        scope = Scope.of_parameters(values, self._findings)
+        steps = scope.fill(source.root.need("mission"))
         steps = self.steps(steps, (*chain, source.path.resolve()))
-        if len(self.problems) > before:
+        if len(problems) > before:
             return step
         times = Value(1, step.mark, step.key)
         repeat = replace(step, data={"times": times, "steps": steps})
@@ -139,13 +153,13 @@ class _Files:
             if name not in values:
                 hint = suggestion(name, values)
                 why = f"the file has no parameter {name!r}{hint}"
-                self._report(value.key, why, "unknown-parameter")
+                self._findings.report(value.key, why, "unknown-parameter")
         values |= arguments
         for name, value in values.items():
             if value.data is None or (name not in arguments and value.data == f"{SIGN}{name}"):
                 at = arguments.get(name, include)
                 why = f"needs a value for {name!r}: with: {{{name}: ...}}"
-                self._report(at.location, why, "missing-option")
+                self._findings.report(at.location, why, "missing-option")
                 values[name] = replace(value, data=f"{SIGN}{name}")  # it is reported once
         return values
 
@@ -156,12 +170,12 @@ class _Files:
         try:
             path = inside(self._folder, name.data).resolve()
         except InputError as error:
-            self._report(name.location, str(error), error.code)
+            self._findings.report(name.location, str(error), error.code)
             return None
         if path in chain:
             between = ", ".join(f"{f.name!r}" for f in chain[chain.index(path) + 1 :])
             by_way = f", by way of {between}" * bool(between)
-            self._report(
+            self._findings.report(
                 name.location, f"{name.data!r} includes itself{by_way}", "circular-include"
             )
             return None
@@ -171,16 +185,13 @@ class _Files:
                     self._folder / name.data, kind, schema.load(kind), self._registry
                 )
             except InputError as error:
-                self.problems += error.problems
+                self._findings.problems += error.problems
                 return None
             if problems := _default_problems(document):
-                self.problems += problems
+                self._findings.problems += problems
                 return None
             self._read[kind, path] = document
         return self._read[kind, path]
-
-    def _report(self, mark: Mark, message: str, code: str) -> None:
-        self.problems.append(coded(f"{mark}: {message}", code))
 
 
 def _is_include(value: Value) -> bool:
@@ -196,82 +207,18 @@ def _is_include(value: Value) -> bool:
     )
 
 
-def _parameters(value: Value) -> Iterator[Mark]:
-    """Yield the locations of parameters in a value, itself included."""
-    if is_parameter(value.data):
-        yield value.location
-    for inner in value.children().values():
-        yield from _parameters(inner)
-
-
 def _defaults(document: Document) -> dict[str, Value]:
     """Return the parameters of a file of steps; those without a default stand for themselves."""
-    parameters = document.root.map().get("parameters")
+    written = document.root.map().get("parameters")
     return {
         name: replace(value, data=f"{SIGN}{name}") if value.data is None else value
-        for name, value in (parameters.map().items() if parameters else ())
+        for name, value in (written.map().items() if written else ())
     }
 
 
 def _default_problems(document: Document) -> list[str]:
-    parameters = document.root.map().get("parameters")
+    written = document.root.map().get("parameters")
     return [
         coded(f"{mark}: a default cannot refer to a parameter", "misplaced-key")
-        for mark in (_parameters(parameters) if parameters else ())
+        for mark in (parameters(written) if written else ())
     ]
-
-
-def _filled(steps: Value, values: Mapping[str, Value]) -> tuple[Value, list[str]]:
-    """Return steps with values for their parameters, and the problems.
-
-    A parameter whose value is itself a parameter remains.
-    """
-    problems: list[str] = []
-
-    def value_of(value: Value) -> Value | None:
-        """Return the value that a parameter stands for, if this is one and it has one."""
-        if not is_parameter(value.data):
-            return None
-        replacement = values.get(str(value.data).removeprefix(SIGN))
-        return None if replacement is None or is_parameter(replacement.data) else replacement
-
-    def fill(value: Value) -> Value:
-        if isinstance(value.data, dict):
-            return replace(value, data={key: fill(item) for key, item in value.data.items()})
-        if isinstance(value.data, list):
-            among = {
-                item.data: replacement for item in value.data if (replacement := value_of(item))
-            }
-            written = [str(item.location) for item in among.values() if not item.children()]
-            mark = value.location
-            if written:
-                text = ": ".join(dict.fromkeys(written[:_COORDINATES]))
-                mark = mark._replace(source=f"{text}: {mark.source}")
-            return Value(
-                [fill(item) for item in value.data], mark if written else value.mark, value.key
-            )
-        if not is_parameter(value.data):
-            return value
-        if (replacement := value_of(value)) is None:
-            name = str(value.data).removeprefix(SIGN)
-            if name not in values:
-                message = f"no parameter named {name!r}{suggestion(name, values)}"
-                problems.append(coded(f"{value.location}: {message}", "unknown-parameter"))
-            return value
-        used = _used(replacement, value.location)
-        in_list = value.key == value.mark
-        return replace(
-            used, key=used.mark if in_list or isinstance(replacement.data, dict) else value.key
-        )
-
-    return fill(steps), problems
-
-
-def _used(value: Value, at: Mark) -> Value:
-    """Return a value that is used elsewhere, with both locations."""
-    data = value.data
-    if isinstance(data, dict):
-        data = {key: _used(item, at) for key, item in data.items()}
-    elif isinstance(data, list):
-        data = [_used(item, at) for item in data]
-    return Value(data, value.location.used_at(at), value.key.used_at(at))

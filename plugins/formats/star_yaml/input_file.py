@@ -173,6 +173,9 @@ def _put(into: Value, names: Sequence[str], at: Sequence[str], value: Value) -> 
     if isinstance(into.data, str) and len(at) == 1 and at[0] in PIPELINE_KINDS:
         into = replace(into, data={"use": into})
     if isinstance(into.data, dict):
+        if at == ["let"] and name not in into.data:
+            hint = suggestion(name, into.data, "there are")
+            raise _error(value.mark, f"nothing in 'let' is named {name!r}{hint}")
         inner = into.data.get(name, Value({}, value.mark, value.mark))
         return replace(into, data={**into.data, name: _put(inner, rest, [*at, name], value)})
     position = ".".join(at)

@@ -28,7 +28,7 @@ from star_core.formats import Document, PluginChoice, inside
 from star_core.toolkit import PluginGuard, fill_defaults
 from star_yaml import schema, world_loader
 from star_yaml.checks.references import of_mission
-from star_yaml.includes import with_files
+from star_yaml.includes import resolved
 from star_yaml.input_file import override, read, require_kind
 from star_yaml.schema import UNKNOWN, Incomplete, Refused
 from star_yaml.step_tree import StepBuilder
@@ -63,7 +63,7 @@ def checked(written: Document, registry: Registry, assignments: Sequence[str] = 
     """
     require_kind(written, "mission", registry)
     composed = schema.compose(registry.offers())
-    document, problems = with_files(override(written, assignments), registry)
+    document, problems = resolved(override(written, assignments), composed, registry)
     faults = schema.faults(document, composed)
     problems += schema.located(document, faults)
     world, room = _world(document, problems, registry)

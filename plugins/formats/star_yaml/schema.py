@@ -23,10 +23,10 @@ if TYPE_CHECKING:
     from star_yaml.schema_errors import Fault
 
 SIGN: Final = "$"
-"""Begins a string that names a parameter."""
+"""Begins a string that names a value: a parameter of a file, or one of ``let``."""
 
 PARAMETER: Final = r"^\$."
-"""The pattern of strings that name a parameter."""
+"""The pattern of strings that name a value or are an expression."""
 
 _CONTAINERS: Final = ("anyOf", "oneOf", "contains")
 """Rules that a list or a map may break for what it holds."""
@@ -206,7 +206,7 @@ class Refused:
 
 
 def is_parameter(value: Any) -> bool:
-    """Whether a value of a step is a parameter's.
+    """Whether a value is another one's name, or an expression.
 
     >>> is_parameter("$height"), is_parameter("height"), is_parameter("$"), is_parameter(1)
     (True, False, False, False)

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from star_core import InputError
 from star_core.formats import Data, Mark, Value
+from star_yaml.expressions import OPENING
 
 if TYPE_CHECKING:
     from ruamel.yaml.nodes import Node
@@ -139,6 +140,8 @@ class _Reader:
             data = [self.value(item, depth=depth + 1) for item in node.value]
         else:
             data = self._scalar(node, mark)
+            if isinstance(data, str) and data.startswith(OPENING):
+                mark = self._mark_in(node)
             if data is None and not node.value:  # begins where the next token does
                 mark = key or mark
         return Value(data, mark, key or mark)
@@ -196,6 +199,13 @@ class _Reader:
 
     def _mark(self, node: Node) -> Mark:
         return Mark(self._source, node.start_mark.line + 1, node.start_mark.column + 1)
+
+    def _mark_in(self, node: Any) -> Mark:
+        """Return the mark of an expression, in which its problems are located: after a quote."""
+        mark = self._mark(node)
+        if node.end_mark.line > node.start_mark.line:
+            self._refuse(mark, "an expression stands on one line")
+        return mark._replace(column=mark.column + (node.style in {"'", '"'}))
 
     def _refuse(self, mark: Mark, message: str) -> None:
         self.problems.append((mark, message))

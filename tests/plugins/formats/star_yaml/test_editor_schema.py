@@ -15,7 +15,7 @@ from jsonschema import Draft202012Validator
 
 from star_core.formats.located import Location
 from star_core.registry import Registry
-from star_yaml.editor_schema import admitting, for_editors
+from star_yaml.editor_schema import NAMED_VALUE, admitting, for_editors
 from star_yaml.schema import _depends as depends
 from star_yaml.schema import compose_steps
 from star_yaml.yaml_reader import parse
@@ -114,7 +114,7 @@ def test_a_rule_holds_for_what_is_no_parameter(
     schema: dict[str, Any], right: list[Any], wrong: list[Any]
 ) -> None:
     before = deepcopy(schema)
-    made = Draft202012Validator(admitting(schema))
+    made = Draft202012Validator({**admitting(schema), "$defs": {"named_value": NAMED_VALUE}})
     assert [value for value in right if not made.is_valid(value)] == []
     assert [value for value in wrong if made.is_valid(value)] == []
     assert schema == before

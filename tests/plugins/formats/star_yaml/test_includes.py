@@ -159,9 +159,9 @@ def test_problems_of_a_file_included_twice_are_reported_once(lab: Lab, tmp_path:
     ]
 
 
-def test_a_mission_has_no_parameters_to_give(lab: Lab) -> None:
+def test_a_mission_passes_on_only_values_that_it_names(lab: Lab) -> None:
     assert faults(lab, TOUR.replace("[2, 0, 1]", "[2, 0, $z]")) == [
-        "mission.yaml:12:62: parameters are for files that missions include [misplaced-key]"
+        "mission.yaml:12:62: no value is named 'z'; write `let: {z: ...}` at the top [unknown-name]"
     ]
 
 
