@@ -32,9 +32,11 @@ avoider: {use: orca, radius: 0.2}
 """
 MISSION = f"""\
 {HEAD}{TOP}safety: {{battery_low: {{below: 3.5}}}}
+let: {{top: 1, leader: cf1, corner: [0, $(top / 2), $top]}}
 mission:
   - takeoff: {{height: 0.8}}
-  - goto: {{agents: cf1, to: [0, 0, 1], speed: 0.3, yaw_deg: 90}}
+  - goto: {{agents: $leader, to: [0, $(0.5 * top), $top], speed: 0.3, yaw_deg: 90}}
+  - each: {{with: {{cf1: {{by: [0, 0, 0.1]}}}}, steps: [goto: {{by: $by}}]}}
   - hold: {{for: 2, until: {{elapsed: 1}}, timeout: 5}}
   - land: {{}}
 """
@@ -273,6 +275,7 @@ def test_a_file_that_ships_has_no_mark(marked: Marked, path: Path) -> None:
         ("below: 3.5", "below: low", "low"),
         ("height: 0.8", "height: -1", "-1"),
         ("elapsed: 1", "elapst: 1", "elapst"),
+        ("height: 0.8", "height: top", "top"),
     ],
 )
 def test_a_mistake_has_one_mark_that_covers_it(

@@ -295,7 +295,7 @@ def test_plugins_as_json_are_json(said: Said) -> None:
 def test_schema_prints_the_schema_that_checks_missions(said: Said) -> None:
     assert main(["schema"]) == 0
     printed = json.loads(said.readouterr().out)
-    assert printed == for_editors(compose(Registry().offers()))
+    assert printed == for_editors(compose(Registry().offers()), parameters=True)
     assert "takeoff" in printed["$defs"]["step"]["properties"]
 
 
@@ -319,7 +319,7 @@ def test_a_schema_is_written_to_a_file_in_place_of_being_printed(said: Said) -> 
     assert main(["schema", "--out", "mission.schema.json"]) == 0
     assert said.readouterr().out == ""
     written = json.loads(Path("mission.schema.json").read_text())
-    assert written == for_editors(compose(Registry().offers()))
+    assert written == for_editors(compose(Registry().offers()), parameters=True)
 
 
 def test_a_schema_that_cannot_be_written_reports_why(said: Said) -> None:

@@ -77,7 +77,7 @@ def types(schema: dict[str, Any]) -> set[str]:
     return {given} if isinstance(given, str) else set(given)
 
 
-MISSION = for_editors(compose(Registry().offers()))
+MISSION = for_editors(compose(Registry().offers()), parameters=True)
 STEPS = for_editors(compose_steps(Registry().offers()), parameters=True)
 SCHEMAS = {
     "mission": MISSION,
