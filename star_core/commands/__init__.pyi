@@ -14,6 +14,7 @@ from star_core.plugin_support.option_schema import PIPELINE_KINDS as PIPELINE_KI
 from star_core.plugin_support.option_schema import SHARED as SHARED
 from star_core.plugin_support.specs import CommandSpec as CommandSpec
 from star_core.plugin_support.specs import RunOptionSpec as RunOptionSpec
+from star_core.records.manifest import software as software
 from star_core.records.read_run import split_timing as split_timing
 from star_core.registry import Found as Found
 from star_core.registry import guarded as guarded

@@ -4,8 +4,13 @@ from __future__ import annotations
 
 import platform
 import re
+import shlex
+import shutil
+import subprocess
+import sys
 from functools import cache
 from importlib.metadata import PackageNotFoundError, requires, version
+from pathlib import Path
 from typing import Any
 
 from star_core.mission import Mission, actions
@@ -41,10 +46,43 @@ def manifest(mission: Mission, registry: Registry) -> dict[str, Any]:
             for action in actions(mission.steps)
         },
         "third_parties": {source.plugin: source.version for source in sources if not source.own},
+        **software(),
+    }
+
+
+def software() -> dict[str, Any]:
+    """Return the command of this program, its version and those of packages, and the computer.
+
+    ``commit`` is that of the checkout that the program runs from, ``-dirty`` if files in it have
+    changed; None if it is installed.
+    """
+    return {
+        "command": shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]]),
+        "commit": _commit(),
         "packages": {**packages()},
         "python": platform.python_version(),
         "platform": platform.platform(),
     }
+
+
+@cache
+def _commit() -> str | None:
+    folder = Path(__file__).parents[2]
+    git = shutil.which("git")
+    if git is None or not (folder / ".git").exists():
+        return None
+    command = [
+        git,
+        "-C",
+        str(folder),
+        "describe",
+        "--always",
+        "--dirty",
+        "--abbrev=12",
+        "--exclude=*",
+    ]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603 -- fixed
+    return done.stdout.strip() or None
 
 
 @cache

@@ -20,7 +20,14 @@ from star_ablate.results import as_markdown, paths, study_results
 from star_ablate.study import Run, Study
 from star_ablate.workers import fly_all
 from star_core import InputError, Registry
-from star_core.commands import output_folder, positive_integer, replace_file, write_report, writing
+from star_core.commands import (
+    output_folder,
+    positive_integer,
+    replace_file,
+    software,
+    write_report,
+    writing,
+)
 from star_core.toolkit import STUDY_COLUMNS, Progress, StudyResults, suggestion
 
 JOURNAL: Final = "runs.jsonl"
@@ -88,7 +95,12 @@ def _ablate(study: Study, folder: Path, workers: int, *, record: bool = False) -
     """Fly the runs that are missing in `folder`, write the tables, and return the results."""
     folder.mkdir(parents=True, exist_ok=True)
     plugins = {str(choice) for c in study.conditions for choice in c.mission.plugins.values()}
-    about = {"study": study.data, "seeds": study.seeds, "plugins": sorted(plugins)}
+    about = {
+        "study": study.data,
+        "seeds": study.seeds,
+        "plugins": sorted(plugins),
+        **software(),
+    }
     replace_file(folder / "study.json", json.dumps(about, indent=2) + "\n")
     runs = list(study.runs())
     with closing(Journal(folder / JOURNAL)) as journal, _interrupts() as interrupts:

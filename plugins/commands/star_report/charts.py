@@ -129,7 +129,7 @@ def steps(run: Run) -> Figure:
                 "hovertemplate": f"%{{y}}: {escape(verb)}<br>%{{text}}<br>%{{base:.2f}} s"
                 "<extra></extra>",
                 "textposition": "none",
-                "marker": {"color": colour(k), "line": {"color": "white", "width": 1}},
+                "marker": {"color": colour(k)},
             }
         )
     return {

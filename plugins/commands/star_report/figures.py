@@ -11,11 +11,12 @@ from star_core import Array
 
 Figure: TypeAlias = dict[str, Any]
 
-# The qualitative palette of Okabe and Ito, which people with colour blindness can distinguish.
+# The qualitative palette of Okabe and Ito, which people with colour blindness can distinguish; its
+# black and its yellow are darker and lighter here, to be seen on white and on black.
 PALETTE: Final = (
-    "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#F0E442",
+    "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#777777", "#A08C00",
 )  # fmt: skip
-ALARM: Final = "#b00020"
+ALARM: Final = "#d32f2f"
 MAX_POINTS: Final = 1500  # of a line
 
 

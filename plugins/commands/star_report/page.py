@@ -15,6 +15,7 @@ from star_core import Run
 from star_report import charts, views
 from star_report.figures import Figure
 from star_report.images import images
+from star_report.labels import file_name, made
 
 
 def page(run: Run) -> str:
@@ -28,14 +29,14 @@ def page(run: Run) -> str:
             "Circle: start; square: end.",
             views.top_view(run),
         ),
-        ("Replay", "Thick: the last 10 s. Thin: planned path.", views.replay(run)),
+        ("Replay", "Solid: the last 10 s. Dashed: planned path.", views.replay(run)),
         *charts.series(run),
         ("Steps", "When each agent executed which step.", charts.steps(run)),
         *charts.tick_times(run),
         ("Computing time", "In total, by plugin.", charts.compute(run)),
     ]
     sections += [section(i, *drawn[i]) for i in range(len(drawn))]
-    sections += [*images(run), _events(summary["events"])]
+    sections += [*images(run), _events(summary["events"]), _made(run)]
     return render(f"{summary['mission']}: {summary['outcome']}", sections)
 
 
@@ -91,24 +92,56 @@ def _figures_of_merit(summary: Mapping[str, Any]) -> str:
     cells = "".join(
         f"<div><dt>{label}</dt><dd>{escape(text)}</dd></div>" for label, text in rows if text
     )
-    return f"<dl>{cells}</dl>"
+    return f"<dl class=figures>{cells}</dl>"
 
 
-def section(number: int, title: str, caption: str, figure: Figure) -> str:
-    """Return a section with the figure of a number."""
+def _made(run: Run) -> str:
+    manifest, seed = run.manifest, run.summary["seed"]
+    others = manifest.get("third_parties")
+    plugins = (
+        ", ".join(f"{k} {v}" for k, v in others.items()) if isinstance(others, Mapping) else ""
+    )
+    rows = {
+        "mission": str(manifest["mission_file"]),
+        "seed": str(seed),
+        "plugins of others": plugins,
+        "record": str(run.folder),
+    }
+    return footer(made(manifest, rows))
+
+
+def footer(rows: Mapping[str, str]) -> str:
+    """Return a section with how the flights were made."""
+    cells = ""
+    for name, text in rows.items():
+        code = "<code>{}</code>" if name in {"command", "mission", "record"} else "{}"
+        if text:
+            cells += f"<div><dt>{escape(name)}</dt><dd>{code.format(escape(text))}</dd></div>"
+    return f"<section><h2>How this was made</h2><dl class=made>{cells}</dl></section>"
+
+
+def section(number: int, title: str, caption: str, figure: Figure, key: str = "") -> str:
+    """Return a section with the figure of a number, and the `key` of what it shows in the files."""
     # `</` would end the script element
     data = to_json_plotly(figure).replace("</", "<\\/")
     controls = (
-        "<p class=controls><button id=play>Play</button> <input id=frame type=range min=0 value=0> "
-        "<span id=clock></span> <select id=speed><option value=1>1x<option value=4 selected>4x"
-        "<option value=16>16x</select></p>"
+        "<p class=controls><button id=play>▶ Play</button> <input id=frame type=range min=0 "
+        "value=0 aria-label=time> <span id=clock></span> <select id=speed aria-label=speed>"
+        "<option value=1>1x<option value=4 selected>4x<option value=16>16x</select></p>"
         if "path" in figure
         else ""
     )
+    save = (
+        ""
+        if "path" in figure
+        else f'<button class=save id=save{number} data-name="{file_name(title)}" '
+        'title="Save this figure as SVG">SVG</button>'
+    )
+    code = f"<code>{escape(key)}</code>" if key and key != title else ""
     note = f"<p class=quiet>{escape(caption)}</p>" if caption else ""
     height = figure["layout"]["height"]
     return (
-        f"<section><h2>{escape(title)}</h2>{note}<div class=figure id=figure{number} "
+        f"<section><h2>{escape(title)}{code}{save}</h2>{note}<div class=figure id=figure{number} "
         f'style="height:{height}px"></div>{controls}'
         f"<script type=application/json data-figure={number}>{data}</script></section>"
     )
@@ -121,7 +154,8 @@ def _events(events: Sequence[Mapping[str, Any]]) -> str:
         for event in events
     )
     return (
-        "<section><h2>Events</h2><div class=events><table><tr><th>time<th>kind<th>agent<th>event"
+        "<section class=long><h2>Events</h2><div class=events><table><tr><th>time<th>kind<th>agent"
+        "<th>event"
         f"{rows}</table></div></section>"
     )
 

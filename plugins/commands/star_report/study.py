@@ -8,9 +8,10 @@ import math
 from collections.abc import Mapping, Sequence
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeAlias
 
 from star_core import InputError
+from star_report.labels import label, made
 
 if TYPE_CHECKING:
     from star_report.figures import Figure
@@ -26,7 +27,7 @@ Row: TypeAlias = Mapping[str, str]
 
 
 class Interval(NamedTuple):
-    """A mean with its 95 % interval, by Student's t."""
+    """A mean with its 95 % interval, by Student's t; of values that are never negative, above 0."""
 
     n: int
     mean: float
@@ -39,12 +40,16 @@ class Study(NamedTuple):
 
     Attributes:
         name: Of the study, or of its folder.
+        about: The content of ``study.json``; empty without it.
+        factors: Names of the columns that tell conditions apart.
         conditions: Runs of each condition by its name, in the order of the study.
         baselines: The first condition of the same mission, by condition.
         measures: Names of the columns with numbers.
     """
 
     name: str
+    about: Mapping[str, Any]
+    factors: Sequence[str]
     conditions: Mapping[str, Sequence[Row]]
     baselines: Mapping[str, str]
     measures: Sequence[str]
@@ -77,7 +82,9 @@ def read(folder: Path) -> Study:
     baselines = {name: first[runs[0]["mission"]] for name, runs in conditions.items()}
     last = columns[columns.index("reason") + 1 : -1]  # without the wall time
     measures = [name for name in last if any(number(row, name) is not None for row in rows)]
-    return Study(_name(folder), conditions, baselines, measures)
+    about = _about(folder)
+    name = _name(about) or folder.resolve().name
+    return Study(name, about, factors, conditions, baselines, measures)
 
 
 def _condition(row: Row, factors: Sequence[str]) -> str:
@@ -89,13 +96,18 @@ def _condition(row: Row, factors: Sequence[str]) -> str:
     return ", ".join([*(row[factor] for factor in of_mission), *levels])
 
 
-def _name(folder: Path) -> str:
-    """Return the name of a study: that in ``study.json``, or else that of the folder."""
+def _about(folder: Path) -> Mapping[str, Any]:
+    """Return the content of ``study.json``, which may be missing, or of others."""
     try:
         about = json.loads((folder / "study.json").read_text(encoding="utf-8"))
-        return str(about["study"]["name"])
-    except (OSError, ValueError, KeyError, TypeError, RecursionError):
-        return folder.resolve().name
+    except (OSError, ValueError, RecursionError):
+        return {}
+    return about if isinstance(about, dict) else {}
+
+
+def _name(about: Mapping[str, Any]) -> str:
+    study = about.get("study")
+    return str(study.get("name", "")) if isinstance(study, dict) else ""
 
 
 def number(row: Row, measure: str) -> float | None:
@@ -107,8 +119,14 @@ def number(row: Row, measure: str) -> float | None:
     return value if abs(value) <= MAX_MEASURE else None
 
 
-def interval(values: Sequence[float]) -> Interval | None:
+def interval(values: Sequence[float], *, differences: bool = False) -> Interval | None:
     """Return the mean of values with its interval; None without a value.
+
+    Counts, distances and times are never negative, nor are their means: the interval ends at 0.
+
+    Args:
+        values: Of runs.
+        differences: Whether they may be negative, even if these are not.
 
     >>> interval([1.0, 2.0, 3.0])._replace(low=0, high=0)
     Interval(n=3, mean=2.0, low=0, high=0)
@@ -123,6 +141,8 @@ def interval(values: Sequence[float]) -> Interval | None:
         return Interval(n, mean, math.nan, math.nan)
     error = stats.sem(values)
     low, high = stats.t.interval(CONFIDENCE, n - 1, mean, error) if error else (mean, mean)
+    if min(values) >= 0 and not differences:
+        low = max(0.0, low)
     return Interval(n, mean, float(low), float(high))
 
 
@@ -134,7 +154,7 @@ def differences(study: Study, measure: str) -> dict[str, Interval | None]:
             before = _by_seed(study.conditions[baseline], measure)
             after = _by_seed(study.conditions[name], measure)
             intervals[name] = interval(
-                [after[seed] - before[seed] for seed in before if seed in after]
+                [after[seed] - before[seed] for seed in before if seed in after], differences=True
             )
     return intervals
 
@@ -145,7 +165,7 @@ def page(folder: Path) -> str:
     Raises:
         InputError: The folder holds no study's table.
     """
-    from star_report.page import render
+    from star_report.page import footer, render
 
     study = read(folder)
     runs = sum(map(len, study.conditions.values()))
@@ -153,14 +173,25 @@ def page(folder: Path) -> str:
     sections = [
         f"<h1>{escape(study.name)}</h1><p class=quiet>{runs} runs, {len(study.conditions)} {many}. "
         "Points: runs; thin lines: the same mission and seed; diamonds: means with their 95 % "
-        "intervals by Student's t.</p>",
+        "intervals by Student's t, cut at 0 where no value is negative.</p>",
         _completed(study),
         *(_measure(study, i, name) for i, name in enumerate(study.measures)),
         _means(study),
         _differences(study),
         _failures(study),
+        footer(made(study.about, _rows(study))),
     ]
     return render(study.name, sections)
+
+
+def _rows(study: Study) -> dict[str, str]:
+    """Return seeds and plugins of a study."""
+    seeds = dict.fromkeys(row["seed"] for runs in study.conditions.values() for row in runs)
+    plugins = study.about.get("plugins")
+    return {
+        "seeds": ", ".join(seeds),
+        "plugins": ", ".join(map(str, plugins)) if isinstance(plugins, list) else "",
+    }
 
 
 def _measure(study: Study, number: int, measure: str) -> str:
@@ -171,14 +202,18 @@ def _measure(study: Study, number: int, measure: str) -> str:
         value for rows in study.conditions.values() for value in _by_seed(rows, measure).values()
     ]
     if len(set(values)) > 1 or len(values) == 1:
-        return section(number, measure, "", figure(study, measure))
+        return section(number, label(measure), "", figure(study, measure), measure)
     text = f"{values[0]:.4g} in all runs in which it is known."
-    return f"<section><h2>{escape(measure)}</h2><p>{text}</p></section>"
+    return (
+        f"<section><h2>{escape(label(measure))}<code>{escape(measure)}</code></h2><p>{text}</p>"
+        "</section>"
+    )
 
 
 def figure(study: Study, measure: str) -> Figure:
     """Return the values of a measure by condition, from top to bottom, paired by seed."""
     names = list(study.conditions)
+    rows = ["<br>".join(map(escape, _levels(study, name))) for name in names]
     by_seed = [_by_seed(rows, measure) for rows in study.conditions.values()]
     seeds = list(dict.fromkeys(seed for values in by_seed for seed in values))
     shift = {seed: JITTER * (2 * k / max(1, len(seeds) - 1) - 1) for k, seed in enumerate(seeds)}
@@ -198,7 +233,8 @@ def figure(study: Study, measure: str) -> Figure:
                 "mode": "lines",
                 "x": [x for x, _ in paired],
                 "y": [y for _, y in paired],
-                "line": {"color": "#c3c7cb", "width": 1},
+                "line": {"color": "#9aa0a6", "width": 1},
+                "opacity": 0.6,
                 "hoverinfo": "skip",
                 "showlegend": False,
             },
@@ -224,15 +260,30 @@ def figure(study: Study, measure: str) -> Figure:
             },
         ],
         "layout": {
-            "xaxis": {"title": {"text": escape(measure)}, "zeroline": False},
+            "xaxis": {"title": {"text": escape(label(measure))}, "zeroline": False},
             "yaxis": {
-                "tickvals": list(range(len(names))), "ticktext": [escape(name) for name in names],
+                "tickvals": list(range(len(names))), "ticktext": rows,
+                "title": {"text": escape(" / ".join(study.factors)), "standoff": 14},
                 "range": [len(names) - 0.4, -0.5], "automargin": True, "zeroline": False,
             },
-            "margin": {"l": 60, "r": 20, "t": 10, "b": 45},
+            "margin": {"t": 10},
             "height": 90 + 60 * len(names) if len(names) < FEW else 90 + 26 * len(names),
         },
     }  # fmt: skip
+
+
+def _levels(study: Study, condition: str) -> list[str]:
+    """Return the levels of a condition, a cell for each factor."""
+    row = study.conditions[condition][0]
+    return [row[factor] for factor in study.factors]
+
+
+def _cells(study: Study, condition: str) -> str:
+    return "".join(f"<td>{escape(level)}" for level in _levels(study, condition))
+
+
+def _head(study: Study) -> str:
+    return "".join(f"<th>{escape(factor)}" for factor in study.factors)
 
 
 def _completed(study: Study) -> str:
@@ -244,18 +295,18 @@ def _completed(study: Study) -> str:
         done = sum(run["outcome"] == "completed" for run in runs)
         share = stats.binomtest(done, len(runs)).proportion_ci(CONFIDENCE, method="wilson")
         rows.append(
-            f"<tr><td>{escape(name)}<td>{len(runs)}<td>{done / len(runs):.0%} "
+            f"<tr>{_cells(study, name)}<td>{len(runs)}<td>{done / len(runs):.0%} "
             f"[{share.low:.0%}, {share.high:.0%}]"
         )
     return (
-        "<section><h2>Completed</h2><table><tr><th>condition<th>runs<th>completed [95 % interval "
-        f"by Wilson]{''.join(rows)}</table></section>"
+        f"<section><h2>Completed</h2><div class=wide><table><tr>{_head(study)}<th>runs"
+        f"<th>completed [95 % interval by Wilson]{''.join(rows)}</table></div></section>"
     )
 
 
 def _means(study: Study) -> str:
     rows = [
-        f"<tr><td>{escape(name)}"
+        f"<tr>{_cells(study, name)}"
         + "".join(
             f"<td>{_shown(interval(list(_by_seed(runs, measure).values())))}"
             for measure in study.measures
@@ -282,17 +333,19 @@ def _differences(study: Study) -> str:
             cells.append(
                 f"<td><b>{_shown(difference)}</b>" if sure else f"<td>{_shown(difference)}"
             )
-        rows.append(f"<tr><td>{escape(name)}{''.join(cells)}")
+        rows.append(f"<tr>{_cells(study, name)}{''.join(cells)}")
+    number = sum(difference is not None for row in of.values() for difference in row.values())
     return (
         f"<section><h2>Differences to {to}</h2><p class=quiet>Of runs with the same seed. Bold: "
-        f"the 95 % interval does not contain zero.</p>{_table(study, rows)}</section>"
+        f"the 95 % interval does not contain zero, which by chance alone {number / 20:.2g} of the "
+        f"{number} would not.</p>{_table(study, rows)}</section>"
     )
 
 
 def _failures(study: Study) -> str:
     """Return the runs that did not complete."""
     rows = "".join(
-        f"<tr><td>{escape(name)}<td>{escape(run['seed'])}<td>{escape(run['outcome'])}"
+        f"<tr>{_cells(study, name)}<td>{escape(run['seed'])}<td>{escape(run['outcome'])}"
         f"<td>{escape(run['reason'])}"
         for name, runs in study.conditions.items()
         for run in runs
@@ -300,16 +353,18 @@ def _failures(study: Study) -> str:
     )
     if not rows:
         return ""
-    head = "<tr><th>condition<th>seed<th>outcome<th>reason"
+    head = f"<tr>{_head(study)}<th>seed<th>outcome<th>reason"
     return (
-        f"<section><h2>Not completed</h2><div class=events><table>{head}{rows}</table></div>"
-        "</section>"
+        f"<section class=long><h2>Not completed</h2><div class=events><table>{head}{rows}</table>"
+        "</div></section>"
     )
 
 
 def _table(study: Study, rows: Sequence[str]) -> str:
-    head = "".join(f"<th>{escape(measure)}" for measure in study.measures)
-    return f"<div class=wide><table><tr><th>condition{head}{''.join(rows)}</table></div>"
+    head = "".join(
+        f"<th>{escape(label(name))}<code>{escape(name)}</code>" for name in study.measures
+    )
+    return f"<div class=wide><table><tr>{_head(study)}{head}{''.join(rows)}</table></div>"
 
 
 def _by_seed(rows: Sequence[Row], measure: str) -> dict[str, float]:

@@ -13,8 +13,10 @@ from star_core.toolkit import box_edges, obstacle_meshes
 from star_report.figures import ALARM, Figure, colour, crosses, dotted, line
 from star_report.series import airborne, clearance, positions, separation
 
-OBSTACLE, FENCE, LANDMARK, TARGET = "#9aa0a6", "#3c8d40", "#1f4e9c", "#c77700"
+OBSTACLE, FENCE, LANDMARK, TARGET = "#9aa0a6", "#3c8d40", "#4a7fc1", "#c77700"
 REPLAY_RATE: Final = 10.0  # Hz
+MIN_SHAPE: Final = 0.07  # m, from the middle of a drawn drone to its rotors
+SHAPE_SHARE: Final = 0.02  # of the size of the room, which a drone is at least drawn with
 MARGIN: Final = 0.1  # m, around the geofence
 
 
@@ -83,7 +85,7 @@ def top_view(run: Run) -> Figure:
     names = [
         {
             "x": point.x, "y": point.y, "text": obstacle.name, "showarrow": False,
-            "font": {"size": 10, "color": "#444"},
+            "font": {"size": 10},
         }
         for obstacle in run.world.obstacles
         for point in [shapely.Polygon(obstacle.polygons[0]).representative_point()]
@@ -109,8 +111,8 @@ def replay(run: Run) -> Figure:
 
     ``path`` holds the positions at `REPLAY_RATE`, (frames, N, 3) in a row, and ``time`` their
     mission times; ``here`` holds the estimated positions, and ``planned`` the index into ``points``
-    of the planned path, (frames, N) in a row. The last traces are the planned path of each agent,
-    its trail, and all agents.
+    of the planned path, (frames, N) in a row; ``shape`` is the outline of a drone. The last traces
+    are the planned path of each agent, its trail and its drone, and the names of all agents.
     """
     time = run.arrays["time"]
     frames = np.arange(time[0], time[-1] + 1e-9, 1 / REPLAY_RATE)
@@ -144,21 +146,21 @@ def replay(run: Run) -> Figure:
             "line": {"color": colour(i)} | style,
             "hoverinfo": "skip",
         }
-        for style in ({"width": 1}, {"width": 4})
+        for style in ({"width": 2, "dash": "dash"}, {"width": 3}, {"width": 6})
         for i in range(len(run.agents))
     ]
     data.append(
         {
             "type": "scatter3d",
-            "mode": "markers+text",
+            "mode": "text",
             **_xyz(path[0]),
             "text": list(run.agents),
             "textposition": "top center",
-            "marker": {"size": 5, "color": [colour(i) for i in range(len(run.agents))]},
             "hoverinfo": "text",
         }
     )
     size = high - low
+    shape = _quadrotor(max(MIN_SHAPE, SHAPE_SHARE * float(size.max())))
     numbers = np.stack([run.paths.current(i, frames) for i in range(len(run.agents))], axis=1)
     pursuing = np.isin(run.arrays["phase"][rows], (AgentPhase.TAKING_OFF, AgentPhase.FLYING))
     shown, planned = np.unique(np.where(pursuing, numbers, -1), return_inverse=True)
@@ -191,8 +193,25 @@ def replay(run: Run) -> Figure:
         "here": np.asarray(run.arrays["estimate_position"][rows], np.float32).ravel(),
         "planned": planned.ravel().astype(np.int32),
         "points": [run.paths.points(n) if n >= 0 else [] for n in shown.tolist()],
+        "shape": np.asarray(shape, np.float32).ravel(),
         "time": np.asarray(frames, np.float32),
     }
+
+
+def _quadrotor(arm: float) -> Array:
+    """Return the outline of a level drone, (K, 3) m: two crossed arms and a circle at each end.
+
+    Args:
+        arm: Length of an arm, m.
+    """
+    angles = np.linspace(0, 2 * np.pi, 13)
+    circle = 0.6 * arm * np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1)
+    gap, middle = np.full((1, 3), np.nan), np.zeros((1, 3))
+    parts: list[Array] = []
+    for quarter in np.pi * (0.25 + 0.5 * np.arange(4)):
+        end = arm * np.array([[np.cos(quarter), np.sin(quarter), 0]])
+        parts += [middle, end, gap, end + circle, gap]
+    return np.concatenate(parts)
 
 
 def _labels(tags: Sequence[Tag]) -> list[str]:

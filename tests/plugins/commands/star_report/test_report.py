@@ -6,6 +6,7 @@ import json
 import re
 import shutil
 from dataclasses import replace
+from importlib.metadata import version
 from pathlib import Path
 
 import cv2
@@ -16,6 +17,7 @@ from star_core import AgentPhase, InputError, Registry, Run, hookimpl, read_run
 from star_core.commands import write_report
 from star_core.commands.main import main
 from star_report.charts import series, tick_times
+from star_report.page import page
 from star_report.series import clearance, errors, separation
 from star_report.views import replay, top_view
 
@@ -60,14 +62,28 @@ def test_the_page_needs_no_network_and_shows_all_sections(
     assert capsys.readouterr().out == f"{out}\n"
     page = out.read_text()
     assert not re.search(r"(src|href)\s*=\s*[\"']?(https?:)?//", page)
-    titles = re.findall(r"<h2>(.*?)</h2>", page)
+    titles = re.findall(r"<h2>(.*?)<", page)
     assert titles == [
         "Top view", "Replay", "Position error", "Separation", "Clearance", "Altitude", "Battery",
-        "Steps", "Tick times", "Computing time", "Events",
+        "Steps", "Tick times", "Computing time", "Events", "How this was made",
     ]  # fmt: skip
     figures = re.findall(r"data-figure=\d+>(.*?)</script>", page, re.DOTALL)
     assert all(json.loads(figure)["data"] for figure in figures)
     assert len(page) < 5_000_000
+
+
+def test_the_page_has_the_command_commit_and_seed(
+    run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("star_report.page._plotly", lambda: "")  # which takes a second
+    software = {"command": "star run <swap>.yaml", "commit": "0123abc-dirty"}
+    changed = replace(run, manifest={**run.manifest, **software})
+    rows = dict(re.findall(r"<dt>(.*?)</dt><dd>(?:<code>)?(.*?)(?:</code>)?</dd>", page(changed)))
+    assert rows["command"] == "star run &lt;swap&gt;.yaml"
+    assert rows["seed"] == "7"
+    assert rows["STAR"] == f"star-swarm {version('star-swarm')}, commit 0123abc-dirty"
+    older = {key: run.manifest[key] for key in ("mission_file", "plugins")}
+    assert "<dt>STAR" not in page(replace(run, manifest=older))
 
 
 def test_closest_approaches_are_those_of_the_summary(run: Run) -> None:

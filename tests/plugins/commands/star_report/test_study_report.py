@@ -9,6 +9,7 @@ import pytest
 
 from star_core.commands.main import main
 from star_report.study import FILE, differences, figure, interval, read
+from tests.plugins.commands.star_view.chromium import CHROMIUM, Chromium
 
 TABLE = """\
 mission,avoider,seed,outcome,reason,min_separation_m,targets.list,wall_time_s
@@ -86,6 +87,26 @@ def test_one_value_has_no_interval() -> None:
     assert interval([]) is None
 
 
+def test_means_of_counts_are_not_negative() -> None:
+    counts = [0.0, 0.0, 2.0]
+    mean, difference = interval(counts), interval(counts, differences=True)
+    assert mean is not None
+    assert difference is not None
+    assert (mean.low, mean.high) == (0.0, difference.high)
+    assert difference.low < 0
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium")
+def test_the_page_fits_a_phone_and_paper(folder: Path) -> None:
+    assert main(["report", str(folder)]) == 0
+    with Chromium((folder / "report.html").as_uri()) as chromium:
+        chromium.screenshot(400, 800)
+        chromium.wait_for("document.body.dataset.ready")
+        assert chromium.run("document.documentElement.scrollWidth") <= 400
+        chromium.run("dispatchEvent(new Event('beforeprint'))")
+        assert chromium.run("document.querySelector('.main-svg').clientWidth") == 680
+
+
 def test_page_escapes_names_and_shows_completion_rates(folder: Path) -> None:
     assert main(["report", str(folder)]) == 0
     page = (folder / "report.html").read_text()
@@ -93,6 +114,8 @@ def test_page_escapes_names_and_shows_completion_rates(folder: Path) -> None:
     assert "67% [21%, 94%]" in page  # 2 of 3, by Wilson
     assert "0.35 [-0.285, 0.985]" in page
     assert "<td>none<td>1<td>failed<td>1 collision" in page
+    assert "<h2>closest approach (m)<code>min_separation_m</code>" in page
+    assert "<dt>seeds</dt><dd>0, 1, 2</dd>" in page
 
 
 def test_another_table_is_refused(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
