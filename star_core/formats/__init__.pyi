@@ -10,11 +10,14 @@ from star_core.conditions import Near as Near
 from star_core.conditions import Not as Not
 from star_core.conditions import TargetFound as TargetFound
 from star_core.errors import MAX_LISTED as MAX_LISTED
+from star_core.errors import code_of as code_of
 from star_core.errors import coded as coded
 from star_core.errors import printable as printable
+from star_core.formats.loading import STDIN as STDIN
 from star_core.formats.loading import check_file as check_file
 from star_core.formats.loading import format_function as format_function
 from star_core.formats.loading import read_as as read_as
+from star_core.formats.loading import recognized as recognized
 from star_core.formats.located import Data as Data
 from star_core.formats.located import Document as Document
 from star_core.formats.located import Location as Location

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 from star_core.errors import InputError, PluginError
 from star_core.registry import Registry, guarded
@@ -13,6 +13,9 @@ if TYPE_CHECKING:
     from star_core.mission import Mission
     from star_core.plugin_support.specs import SourceFile
     from star_core.registry import Found
+
+STDIN: Final = Path("-")
+"""Names standard input where a file is named."""
 
 
 def load(path: Path | str, registry: Registry, assignments: Sequence[str] = ()) -> Mission:
@@ -72,15 +75,34 @@ def format_of(path: Path, registry: Registry) -> Found:
     Raises:
         PluginError: There is neither.
     """
-    formats = [registry.find("format", name) for name in registry.names("format")]
-    for plugin in formats:
-        recognizes = plugin.offer.recognizes
-        if recognizes is not None and guarded("format", plugin, recognizes, path):
-            return plugin
-    for plugin in formats:
+    if (plugin := _recognizing(path, registry)) is not None:
+        return plugin
+    for plugin in _formats(registry):
         if plugin.offer.recognizes is None:
             return plugin
     raise PluginError(f"no installed format reads {str(path)!r}", "unknown-plugin")
+
+
+def recognized(path: Path, registry: Registry) -> bool:
+    """Return whether a format recognizes a file or folder, valid or not, as one of its own."""
+    return _recognizing(path, registry) is not None or any(
+        guarded("format", plugin, plugin.offer.resembles, path, registry)
+        for plugin in _formats(registry)
+        if plugin.offer.resembles is not None
+    )
+
+
+def _formats(registry: Registry) -> list[Found]:
+    return [registry.find("format", name) for name in registry.names("format")]
+
+
+def _recognizing(path: Path, registry: Registry) -> Found | None:
+    """Return the format whose ``recognizes`` accepts a file or folder, if there is one."""
+    for plugin in _formats(registry):
+        recognizes = plugin.offer.recognizes
+        if recognizes is not None and guarded("format", plugin, recognizes, path):
+            return plugin
+    return None
 
 
 def format_function(name: str, registry: Registry) -> Callable[..., Any]:

@@ -305,6 +305,8 @@ class FormatSpec(Spec):
             good for, and its warnings, one line each. It raises `InputError` as ``load`` does.
         recognizes: ``recognizes(path)`` returns whether a file or folder is in this format; None
             for a format that reads whatever no other format recognizes.
+        resembles: ``resembles(path, registry)`` returns whether a file is clearly meant for a
+            format without ``recognizes``, valid or not: ``star check FOLDER`` checks such files.
         read: ``read(path, kind, registry)`` returns a file of a kind (`FileKindSpec`) as a
             `SourceFile` that fits the schema of the kind.
         values: ``values(path)`` returns the content of any file as a `star_core.formats.Value`.
@@ -320,6 +322,7 @@ class FormatSpec(Spec):
     load: Callable[[Path, Registry, Sequence[str]], Mission]
     check: Callable[[Path, Registry, Sequence[str]], tuple[str, Sequence[str]]]
     recognizes: Callable[[Path], bool] | None = None
+    resembles: Callable[[Path, Registry], bool] | None = None
     read: Callable[[Path, str, Registry], SourceFile] | None = None
     values: Callable[[Path], Any] | None = None
     schema: Callable[[str, Registry], dict[str, Any]] | None = None

@@ -61,6 +61,7 @@ from star_core.toolkit.mosaic import gray_from_mosaic as gray_from_mosaic
 from star_core.toolkit.options import number as number
 from star_core.toolkit.options import positive as positive
 from star_core.toolkit.position_control import PositionController as PositionController
+from star_core.toolkit.printable_output import unescaped as unescaped
 from star_core.toolkit.progress import Progress as Progress
 from star_core.toolkit.progress import duration as duration
 from star_core.toolkit.progress import log as log

@@ -12,6 +12,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from star_core.commands.main import main
+from tests.commands import problem_lines
 from tests.core.test_bad_input import MISSION, WORLD
 
 LINE = re.compile(r"(m\.yaml|worlds/[^:]*|--set .*?)(:\d+:\d+)?: \S.*")
@@ -37,7 +38,7 @@ def answer(*arguments: str) -> tuple[int, list[str]]:
     with redirect_stdout(out), redirect_stderr(err):
         status = main(["check", "m.yaml", *arguments])
     assert bool(out.getvalue()) is (status == 0)
-    lines = err.getvalue().splitlines()
+    lines = problem_lines(err.getvalue())
     return status, [line for line in lines if line != "checking m.yaml ..."]  # of a slow check
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from star_core.commands.main import main
+from tests.commands import problem_lines
 
 MISSIONS = Path(__file__).parents[2] / "missions"
 WORLD = """\
@@ -67,7 +68,7 @@ def refused(capsys: pytest.CaptureFixture[str]) -> Callable[..., list[str]]:
         assert out == ""
         assert sorted(Path().rglob("*")) == before
         assert "Traceback" not in err
-        return err.splitlines()
+        return problem_lines(err)
 
     return run
 

@@ -16,6 +16,7 @@ from star_ablate.reading import read as read_study
 from star_core.commands import main as cli
 from star_core.registry import Registry
 from star_yaml import schema
+from tests.commands import problem_lines
 from tests.corpus import cases
 from tests.corpus.cases import Case, Expected
 
@@ -67,7 +68,7 @@ def test_a_fault_is_reported_on_its_line_and_nowhere_else(
     assert cli.main(case.command) == 2
     out, err = capsys.readouterr()
     assert out == ""
-    found = list(told(err.splitlines()))
+    found = list(told(problem_lines(err)))
     for expected in case.expected:
         assert any(
             (error.file, error.line) == (expected.file, expected.line)
@@ -105,4 +106,4 @@ def test_commands_in_a_subprocess_end_with_2_and_no_traceback(case: Case) -> Non
     assert ended.returncode == 2
     assert ended.stdout == ""
     assert "Traceback" not in ended.stderr
-    assert all(LOCATED.fullmatch(line) for line in ended.stderr.splitlines())
+    assert all(LOCATED.fullmatch(line) for line in problem_lines(ended.stderr))

@@ -16,6 +16,7 @@ import pytest
 from jsonschema import Draft202012Validator
 
 from star_yaml.input_file import read
+from tests.commands import problem_lines
 
 Run: TypeAlias = Callable[..., CompletedProcess[str]]
 ROOT = Path(__file__).parents[2]
@@ -73,7 +74,7 @@ def test_options_of_wrapped_plugins_are_checked_at_their_line(run: Run, mission:
     change(mission, "localizer: flow", given)
     text = (ROOT / "docs" / "plugins" / "localizer.md").read_text()
     (shown,) = re.findall(r"^mission\.yaml:\d+(:\d+: .*)$", text, re.MULTILINE)
-    assert run("star", "check", mission.name).stderr.endswith(f"{shown}\n")
+    assert problem_lines(run("star", "check", mission.name).stderr)[-1].endswith(shown)
 
 
 def test_a_goal_that_the_planner_refuses_is_reported(run: Run, mission: Path) -> None:
@@ -85,14 +86,14 @@ def test_a_goal_that_the_planner_refuses_is_reported(run: Run, mission: Path) ->
     (shown,) = re.findall(r"^mission\.yaml:12:16: (.*)$", text, re.MULTILINE)
     file, line, column = place.split(":")
     at = f"{file}:{line}:{int(column) + len('goto: {agents: cf1, to: ')}: "
-    assert run("star", "check", mission.name).stderr.endswith(f"{at}{shown}\n")
+    assert problem_lines(run("star", "check", mission.name).stderr)[-1].endswith(f"{at}{shown}")
 
 
 def test_a_misspelt_planner_is_refused_at_its_place(run: Run, mission: Path) -> None:
     change(mission, "nod: {height: 0.3, timeout: 20}", "external: {planner: orbti}")
     done = run("star", "check", mission.name)
     assert done.returncode == 2
-    (line,) = done.stderr.splitlines()[-1:]
+    (line,) = problem_lines(done.stderr)[-1:]
     wrong = "external: planner: 'orbti' is not possible here; did you mean 'orbit'?"
     assert line.startswith(f"nod.yaml:14:25: {wrong} [")
 
@@ -136,7 +137,7 @@ def test_a_misspelt_option_is_refused_at_its_place(run: Run, mission: Path) -> N
     place = change(mission, "radius", "raduis")
     done = run("star", "check", mission.name)
     assert done.returncode == 2
-    (line,) = done.stderr.splitlines()[-1:]
+    (line,) = problem_lines(done.stderr)[-1:]
     wrong = "avoider 'gentle': unknown option 'raduis'; did you mean 'radius'?"
     assert line.startswith(f"{place}: {wrong} [")
 
@@ -145,7 +146,7 @@ def test_a_value_out_of_its_range_is_refused_at_its_place(run: Run, mission: Pat
     place = change(mission, "0.4}\nmission", "-2}\nmission")
     done = run("star", "check", mission.name)
     assert done.returncode == 2
-    (line,) = done.stderr.splitlines()[-1:]
+    (line,) = problem_lines(done.stderr)[-1:]
     assert line.startswith(f"{place}: avoider 'gentle': radius: -2 ")
 
 

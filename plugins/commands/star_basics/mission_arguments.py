@@ -7,15 +7,14 @@ from argparse import ArgumentParser, Namespace
 from star_core.commands import add_set_option
 
 
-def add_mission(line: ArgumentParser, others: str = "") -> None:
-    """Add the mission's file, ``--set``, ``--seed`` and ``--speed``.
+def add_mission(line: ArgumentParser) -> None:
+    """Add the mission's file, ``--set``, ``--seed`` and ``--speed``."""
+    line.add_argument("mission", help="mission file (YAML), or a name of `star missions`")
+    add_values(line)
 
-    Args:
-        line: Parser of the command.
-        others: Further kinds of files that the command accepts, for the help.
-    """
-    what = f"mission file (YAML), or a name of `star missions`{others}"
-    line.add_argument("mission", help=what)
+
+def add_values(line: ArgumentParser) -> None:
+    """Add ``--set``, ``--seed`` and ``--speed``."""
     add_set_option(line)
     line.add_argument("--seed", help="seed of every random number")
     line.add_argument(

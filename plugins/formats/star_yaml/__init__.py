@@ -21,6 +21,7 @@ def star_formats() -> Iterator[FormatSpec]:
         summary="Missions, worlds and other files in YAML.",
         load=deferred("star_yaml.mission_loader:load"),
         check=deferred("star_yaml.check_file:check_file"),
+        resembles=deferred("star_yaml.input_file:resembles"),
         read=deferred("star_yaml.schema:read_as"),
         values=_values,
         schema=deferred("star_yaml.editor_schema:editor_schema"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cache
@@ -11,10 +12,12 @@ from typing import Any, Final
 
 from star_core import InputError, Registry
 from star_core.commands import PIPELINE_KINDS
-from star_core.formats import Document, Mark, Value, printable, shown
+from star_core.formats import STDIN, Document, Mark, Value, printable, shown
 from star_core.toolkit import suggestion
-from star_yaml.yaml_reader import parse, read_yaml
+from star_yaml.yaml_reader import MAX_SIZE, parse, read_yaml
 
+_KEY: Final = re.compile(r"^([A-Za-z_]\w*)[ \t]*:", re.MULTILINE)  # at the top of a map in blocks
+_CLEAR: Final = 3  # keys by which a file without `star: 1` is recognized
 _NEEDED: Final = ("world", "swarm", *PIPELINE_KINDS)  # what steps lack to be a mission
 
 
@@ -52,7 +55,7 @@ def named(path: Path) -> Path:
     Raises:
         InputError: There is neither.
     """
-    if path.exists() or path.is_absolute():
+    if path == STDIN or path.exists() or path.is_absolute():
         return path
     files = shipped_files()
     if path.as_posix() in files:
@@ -93,6 +96,24 @@ def kind_of(data: Mapping[str, Any], registry: Registry) -> str:
     return max(
         likely, key=lambda name: sum(bool(suggestion(key, kinds[name].keys)) for key in unknown)
     )
+
+
+def resembles(path: Path, registry: Registry) -> bool:
+    """Return whether a file is clearly meant for STAR, valid or not, by the keys at its margin.
+
+    It has the key `star`, or several keys of a kind that ``star check`` accepts.
+    """
+    if path.suffix not in {".yaml", ".yml"} or not path.is_file():
+        return False
+    try:
+        with path.open("rb") as stream:
+            text = stream.read(MAX_SIZE).decode("utf-8-sig", "replace")
+    except OSError:
+        return True  # reading it states the reason
+    keys = {*_KEY.findall(text)}
+    kind = registry.find("file_kind", kind_of(dict.fromkeys(keys), registry)).offer
+    accepted = kind.check is not None or kind.name in {"mission", "steps"}
+    return accepted and ("star" in keys or len(keys.intersection(kind.keys)) >= _CLEAR)
 
 
 def require_kind(document: Document, expected: str, registry: Registry) -> None:

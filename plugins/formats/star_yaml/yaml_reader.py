@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import math
 import re
+import sys
 from codecs import BOM_UTF8
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from star_core import InputError
-from star_core.formats import Data, Mark, Value
+from star_core.formats import STDIN, Data, Mark, Value
 from star_yaml.expressions import OPENING
 
 if TYPE_CHECKING:
@@ -29,7 +31,7 @@ def read_yaml(path: Path, *, text_keys: bool = False) -> Value:
     """Read a YAML file.
 
     Args:
-        path: The file.
+        path: The file, or `STDIN`.
         text_keys: Accept keys that are numbers, and dates, as text.
 
     Raises:
@@ -37,7 +39,7 @@ def read_yaml(path: Path, *, text_keys: bool = False) -> Value:
             reason with its location.
     """
     try:
-        with path.open("rb") as stream:
+        with nullcontext(sys.stdin.buffer) if path == STDIN else path.open("rb") as stream:
             raw = stream.read(MAX_SIZE + 1).removeprefix(BOM_UTF8)
     except FileNotFoundError:
         raise InputError(f"{path}: no such file", "file-not-found") from None

@@ -19,6 +19,7 @@ from star_core import InputError, Mission, Tick, hookimpl
 from star_core.commands import RunOptionSpec
 from star_core.commands.main import main
 from star_core.registry import Registry
+from tests.commands import problem_lines
 
 LATE = ("--set", "mission.0.takeoff.timeout=0.01")  # no agent is up by then
 WALL = ("wall_time_s", "realtime_factor", "compute_us", "compute_s")
@@ -111,9 +112,10 @@ def test_what_is_set_is_checked_in_a_file_of_steps_too(said: Said) -> None:
     assert main(["check", "steps.yaml", "--set", "parameters.b=-1"]) == 2
     fault = (
         "--set parameters.b=-1: steps.yaml:3:23: hold: for: -1 is less than the minimum of 0"
-        " [out-of-range]\n"
+        " [out-of-range]"
     )
-    assert said.readouterr() == ("", fault)
+    printed = said.readouterr()
+    assert (printed.out, problem_lines(printed.err)) == ("", [fault])
 
 
 def test_what_is_set_makes_no_file_a_mission(said: Said) -> None:
@@ -394,7 +396,7 @@ def refused(said: Said) -> Callable[..., list[str]]:
         out, err = said.readouterr()
         assert (status, out) == (2, "")
         assert sorted(Path().rglob("*")) == before
-        return err.splitlines()
+        return problem_lines(err)
 
     return star
 

@@ -11,6 +11,7 @@ import pytest
 from star_core import Registry, load
 from star_core.commands.main import main
 from star_yaml.input_file import read, shipped_files
+from tests.commands import problem_lines
 
 
 @pytest.fixture(autouse=True)
@@ -38,10 +39,10 @@ def test_an_unknown_name_is_refused_with_the_nearest_one(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     assert main(["check", "first_fligth"]) == 2
-    assert capsys.readouterr().err == (
+    assert problem_lines(capsys.readouterr().err) == [
         "first_fligth: no file and no mission of that name; did you mean 'first_flight'? "
-        "[unknown-mission]\n"
-    )
+        "[unknown-mission]"
+    ]
     assert main(["run", "swap"]) == 2
     assert "`star missions` lists those that come with STAR" in capsys.readouterr().err
 
@@ -51,10 +52,11 @@ def test_a_missing_file_with_a_suffix_is_a_missing_file(
 ) -> None:
     assert main(["check", "missions/first_flight.yaml"]) == 2
     assert main(["check", "mine.yaml"]) == 2
-    assert capsys.readouterr().err == (
+    assert problem_lines(capsys.readouterr().err) == [
         "missions/first_flight.yaml: no such file; 'first_flight', without a suffix, comes with "
-        "STAR [file-not-found]\nmine.yaml: no such file [file-not-found]\n"
-    )
+        "STAR [file-not-found]",
+        "mine.yaml: no such file [file-not-found]",
+    ]
 
 
 def test_all_are_listed_with_a_description(capsys: pytest.CaptureFixture[str]) -> None:

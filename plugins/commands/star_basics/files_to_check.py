@@ -1,0 +1,52 @@
+"""The files that ``star check`` checks: those named, and those in the folders that are named."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Final
+
+from star_core import InputError, Registry
+from star_core.formats import STDIN, recognized
+
+SKIPPED: Final = ("__pycache__", "node_modules", "venv")  # folders, beside hidden ones
+
+
+def files_to_check(names: Sequence[str], registry: Registry, *, skip_others: bool) -> list[Path]:
+    """Return the files to check, each once.
+
+    Args:
+        names: Files, shipped missions, folders that are searched for recognized files, or ``-``.
+        registry: Of the formats that recognize files.
+        skip_others: Leave out named files that no format recognizes, too.
+
+    Raises:
+        InputError: A folder has no files that a format recognizes.
+    """
+    files: list[Path] = []
+    for name in names:
+        path = Path(name)
+        if path.is_dir() and not _is_whole(path, registry):
+            inside = [file for file in _walk(path) if recognized(file, registry)]
+            if not (inside or skip_others):
+                text = f"{path}: no file in this folder is a mission, a world or another to check"
+                raise InputError(text, "file-not-found")
+            files += inside
+        elif path == STDIN or not skip_others or recognized(path, registry):
+            files.append(path)
+    return list(dict.fromkeys(files))
+
+
+def _is_whole(folder: Path, registry: Registry) -> bool:
+    """Return whether a folder is checked like a file: one of a format, or the record of a run."""
+    return recognized(folder, registry) or (folder / "manifest.json").exists()
+
+
+def _walk(folder: Path) -> Iterator[Path]:
+    """Yield the files in a folder and in those below, by name, without hidden ones."""
+    for parent, folders, files in os.walk(folder):
+        folders[:] = sorted(
+            name for name in folders if not name.startswith(".") and name not in SKIPPED
+        )
+        yield from (Path(parent, name) for name in sorted(files) if not name.startswith("."))
