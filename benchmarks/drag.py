@@ -68,16 +68,14 @@ def checked(data: Any, wrong_from: float) -> tuple[float, float]:
         wrong_from: Time from which the reported velocity is multiplied by 0.7, s.
     """
     check, most = DragCheck(1), 0.0
-    x, y, z, w = data["attitude"].T
-    heading = np.arctan2(2 * (x * y + w * z), 1 - 2 * (y * y + z * z))
-    for k in range(0, len(heading), STEPS):
+    for k in range(0, len(data["time"]), STEPS):
         time = float(data["time"][k])
         reported = data["estimate_velocity"][k] * (0.7 if time >= wrong_from else 1.0)
         telemetry: Any = SimpleNamespace(
             time=time,
             age=np.zeros(1),
             velocity=reported[None],
-            heading=heading[k : k + 1],
+            attitude=data["attitude"][k : k + 1],
             specific_force=GRAVITY * data["accelerometer"][k : k + 1, :2],
         )
         up = data["position"][k : k + 1, 2] > MIN_HEIGHT

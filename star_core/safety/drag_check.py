@@ -9,7 +9,7 @@ import numpy as np
 
 from star_core.messages.arrays import Array, Mask, frozen
 from star_core.messages.telemetry import Telemetry
-from star_core.toolkit.jit import compiled
+from star_core.toolkit.jit import compiled, subroutine
 
 DRAG: Final = 0.40
 """Deceleration by the air per speed, 1/s: 0.36 to 0.42 in 21 recorded flights of Crazyflies, whose
@@ -19,9 +19,16 @@ EXCESS: Final = 0.43
 """Share of a reported velocity that is missing from it if the flow sensor measures 0.7 times the
 flow: 1 / 0.7 - 1."""
 
-TOLERATED: Final = 0.08
-"""Share that is missing without a fault: scales of sensors and floors differ by 0.07 (standard
-deviation)."""
+SCALE_STD: Final = 0.08
+"""Share that is missing without a fault, standard deviation: scales of sensors and floors differ by
+0.07."""
+
+SCALE_TIME: Final = 30.0  # s, correlation time of that share
+
+BIAS_STD: Final = 0.2  # m/s², of the accelerometer's error along an axis at the take-off
+BIAS_WANDER: Final = 1.8e-4
+"""Growth of the variance of that error, (m/s²)²/s: it wanders by 0.03 m/s² within 10 s, and twice
+its square per that time is the rate at which it begins."""
 
 NOISE: Final = 0.0005
 """Density of the noise of measured drag, (m/s²)² s. In the recorded flights, means over 1 s err by
@@ -29,22 +36,21 @@ NOISE: Final = 0.0005
 
 NOISE_OF_SPEED: Final = 2.0  # s²/m², increase of that density with the square of the speed
 
-BIAS_TIME: Final = 10.0  # s, in which a constant error of the accelerometer is learnt
-LEARNING_TIME: Final = 1.0  # s in the air before evidence counts, and again until it counts in full
+LEARNING_TIME: Final = 1.0  # s in the air before evidence counts
+MISSING_BIAS_TIME: Final = (
+    10.0  # s, in which the constant error is learnt that `missing` is without
+)
 
-MIN_EVIDENCE: Final = 10.0
+MIN_EVIDENCE: Final = 7.5
 """Logarithm of the likelihood ratio from which on a flow sensor is taken for wrong."""
 
 MIN_TIME: Final = 0.5  # s in which the evidence can reach `MIN_EVIDENCE`: a bump is no flow sensor
 
-SWAY_TIME: Final = 1.0  # s, over which unexplained drag is averaged in order to measure its noise
-SWAY_SHARE: Final = 0.5  # of the noise measured so, that is at least assumed: gusts have more
+SWAY_TIME: Final = 1.0  # s, over which drag across the flight is averaged to measure its noise
+SWAY_MEMORY: Final = 20.0  # s, over which that noise is averaged: gusts have more than `NOISE`
 
 MAX_GAP: Final = 0.2  # s between two reports
-TINY: Final = 1e-9  # s
-
-DIFFERENCE: Final = DRAG * (EXCESS - TOLERATED)  # 1/s, of the means that are compared, per speed
-MIDDLE: Final = DRAG * (EXCESS + TOLERATED) / 2  # 1/s
+TINY: Final = 1e-9
 
 
 class DragCheck:
@@ -57,11 +63,17 @@ class DragCheck:
     the drag shows it for as long as it flies, while the corrections that `MotionCheck` adds up end
     within a second.
 
-    A constant error of the accelerometer is learnt in `BIAS_TIME`. What is left of drag and
-    reported velocity has the mean ``-DRAG EXCESS v`` with a wrong flow sensor, and zero without.
-    The logarithm of the likelihood ratio adds up while it is positive (Page, Biometrika 41, 1954).
-    An agent that was found stays so until it takes off again. Moving air looks like a wrong
-    velocity: what is constant in the body is learnt, and gusts raise the noise that is assumed.
+    A Kalman filter explains what is left of drag and reported velocity without a fault, by an error
+    of the accelerometer along each axis that wanders, and by the scale of flow sensor and floor.
+    What a jump of the scale by `EXCESS` adds to its innovations is its *signature*. The filter
+    takes a part of the jump for wandering errors, all the more in straight flight at constant
+    speed, and its signature fades as much (Willsky and Jones, IEEE Trans. Automatic Control 21,
+    1976). The logarithm of the likelihood ratio of innovations with and without the signature adds
+    up while it is positive (Page, Biometrika 41, 1954); where it is zero, the jump begins anew. An
+    agent that was found stays so until it takes off again.
+
+    Moving air looks like a wrong velocity. What is constant in the body is learnt, and gusts raise
+    the noise that is assumed: it is measured across the flight, where no scale shows.
 
     Args:
         n: Number of agents.
@@ -74,11 +86,15 @@ class DragCheck:
 
     def __init__(self, n: int) -> None:
         self._time = np.full(n, np.nan)  # s, of the newest report
-        self._bias = np.zeros((n, 2))  # m/s², ahead and left
-        self._learnt = np.zeros(n)  # s
-        self._sway = np.zeros((n, 2))  # m/s², unexplained drag, averaged
-        self._variance = np.zeros(n)  # (m/s²)², of that along one axis
+        self._learnt = np.zeros(n)  # s in the air
+        # Errors ahead and left, m/s², and the missing share of the velocity: expected without a
+        # fault, their covariance, and by how much they would differ after a jump.
+        self._errors = np.zeros((n, 3))
+        self._covariance = np.zeros((n, 3, 3))
+        self._jump = np.zeros((n, 3))
+        self._sway = np.zeros((n, 2))  # drag across the flight, averaged, m/s², and its variance
         self.evidence = np.zeros(n)
+        self._bias = np.zeros((n, 2))  # m/s², ahead and left, slowly learnt
         self.missing = np.full((n, 2), np.nan)
         self._missing = np.zeros((2, n, 2))  # m/s and m since the evidence was zero
         self._contradicted = np.zeros(n, np.bool_)
@@ -112,11 +128,13 @@ class DragCheck:
         follow_drag(  # type: ignore[call-arg]  # those that it has
             *reports,
             self._time,
-            self._bias,
             self._learnt,
+            self._errors,
+            self._covariance,
+            self._jump,
             self._sway,
-            self._variance,
             self.evidence,
+            self._bias,
             self.missing,
             self._missing,
             self._contradicted,
@@ -136,7 +154,7 @@ class DragCheck:
 
 
 @compiled
-def follow_drag(  # noqa: PLR0913, PLR0917 -- the state of `DragCheck`, in one pass
+def follow_drag(  # noqa: C901, PLR0912, PLR0913, PLR0917 -- the state of `DragCheck`, in one pass
     time: float,
     age: Array,
     force: Array,
@@ -145,11 +163,13 @@ def follow_drag(  # noqa: PLR0913, PLR0917 -- the state of `DragCheck`, in one p
     airborne: Mask,
     wrong: Mask,
     last_time: Array,
-    bias: Array,
     learnt: Array,
+    errors: Array,
+    covariance: Array,
+    jump: Array,
     sway: Array,
-    variance: Array,
     evidence: Array,
+    bias: Array,
     measured: Array,
     missing: Array,
     contradicted: Mask,
@@ -166,11 +186,13 @@ def follow_drag(  # noqa: PLR0913, PLR0917 -- the state of `DragCheck`, in one p
         airborne: (N,) agents in the air.
         wrong: (N,) agents whose reported velocities are known to be wrong.
         last_time: (N,) s.
-        bias: (N, 2) m/s².
         learnt: (N,) s.
-        sway: (N, 2) m/s².
-        variance: (N,) (m/s²)².
+        errors: (N, 3) m/s² and fraction.
+        covariance: (N, 3, 3) of the errors.
+        jump: (N, 3) m/s² and fraction.
+        sway: (N, 2) m/s² and (m/s²)².
         evidence: (N,).
+        bias: (N, 2) m/s².
         measured: (N, 2) true less reported velocity by the drag, m/s.
         missing: (2, N, 2) m/s and m.
         contradicted: (N,).
@@ -188,26 +210,37 @@ def follow_drag(  # noqa: PLR0913, PLR0917 -- the state of `DragCheck`, in one p
         usable = airborne[row] and 0 < passed <= MAX_GAP
         if usable and math.isfinite(error_x) and math.isfinite(error_y):
             dt = passed
-            error_x, error_y = error_x - bias[row, 0], error_y - bias[row, 1]
+            if learnt[row] == 0.0:
+                begin(errors[row], covariance[row])
+            if evidence[row] == 0.0:
+                jump[row, 0], jump[row, 1], jump[row, 2] = 0.0, 0.0, EXCESS
+            left_x, left_y = error_x - bias[row, 0], error_y - bias[row, 1]
             if learnt[row] > LEARNING_TIME:
-                measured[row, 0] = -(error_x * cos - error_y * sin) / DRAG
-                measured[row, 1] = -(error_x * sin + error_y * cos) / DRAG
-            square = ahead * ahead + aside * aside
-            share = -math.expm1(-dt / SWAY_TIME)
-            sway[row, 0] += share * (error_x - sway[row, 0])
-            sway[row, 1] += share * (error_y - sway[row, 1])
-            swaying = (sway[row, 0] ** 2 + sway[row, 1] ** 2) / 2
-            variance[row] += -math.expm1(-dt / BIAS_TIME) * (swaying - variance[row])
-            noise = NOISE * (1 + NOISE_OF_SPEED * square)
-            noise = max(noise, SWAY_SHARE * 2 * SWAY_TIME * variance[row])
-            rate = (error_x * ahead + error_y * aside + MIDDLE * square) / noise
-            rate = min(-DIFFERENCE * rate, MIN_EVIDENCE / MIN_TIME)
-            trust = min(max(learnt[row] / LEARNING_TIME - 1, 0.0), 1.0)
-            evidence[row] = max(evidence[row] + dt * trust * rate, 0.0)
+                measured[row, 0] = -(left_x * cos - left_y * sin) / DRAG
+                measured[row, 1] = -(left_x * sin + left_y * cos) / DRAG
             if not contradicted[row] and not wrong[row]:
-                gain = -math.expm1(-dt / min(max(learnt[row], dt + TINY), BIAS_TIME))
-                bias[row, 0] += gain * error_x
-                bias[row, 1] += gain * error_y
+                since = min(max(learnt[row], dt + TINY), SWAY_MEMORY)
+                density = noise(
+                    error_x - errors[row, 0],
+                    error_y - errors[row, 1],
+                    ahead,
+                    aside,
+                    dt,
+                    since,
+                    sway[row],
+                )
+                predict(errors[row], covariance[row], jump[row], dt)
+                added = 0.0
+                for axis, error, speed in ((0, error_x, ahead), (1, error_y, aside)):
+                    added += correct(
+                        axis, error, speed, density / dt, errors[row], covariance[row], jump[row]
+                    )
+                if learnt[row] > LEARNING_TIME:
+                    added = min(added, dt * MIN_EVIDENCE / MIN_TIME)
+                    evidence[row] = max(evidence[row] + added, 0.0)
+                gain = -math.expm1(-dt / min(max(learnt[row], dt + TINY), MISSING_BIAS_TIME))
+                bias[row, 0] += gain * left_x
+                bias[row, 1] += gain * left_y
             learnt[row] += dt
             for axis in range(2):
                 missing[0, row, axis] = EXCESS * velocity[row, axis]
@@ -215,11 +248,88 @@ def follow_drag(  # noqa: PLR0913, PLR0917 -- the state of `DragCheck`, in one p
         contradicted[row] = contradicted[row] and (not airborne[row] or was_airborne[row])
         was_airborne[row] = airborne[row]
         if not airborne[row]:
-            learnt[row] = variance[row] = evidence[row] = 0.0
-            bias[row, 0] = bias[row, 1] = sway[row, 0] = sway[row, 1] = 0.0
+            learnt[row] = evidence[row] = 0.0
+            for axis in range(2):
+                bias[row, axis] = sway[row, axis] = 0.0
         if evidence[row] == 0.0 and not contradicted[row]:
             for order in range(2):
                 missing[order, row, 0] = missing[order, row, 1] = 0.0
         if not passed <= 0:
             last_time[row] = time - age[row]
         contradicted[row] = contradicted[row] or evidence[row] > MIN_EVIDENCE
+
+
+@subroutine
+def begin(errors: Array, covariance: Array) -> None:
+    """Set what is known of an agent's errors at its take-off."""
+    errors[:] = 0.0
+    covariance[:] = 0.0
+    covariance[0, 0] = covariance[1, 1] = BIAS_STD * BIAS_STD
+    covariance[2, 2] = SCALE_STD * SCALE_STD
+
+
+@subroutine
+def noise(
+    error_x: float, error_y: float, ahead: float, aside: float, dt: float, since: float, sway: Array
+) -> float:
+    """Return the density of the noise of measured drag, (m/s²)² s; add the errors to the sway."""
+    square = ahead * ahead + aside * aside
+    across = (error_y * ahead - error_x * aside) / math.sqrt(square + TINY)
+    sway[0] += -math.expm1(-dt / SWAY_TIME) * (across - sway[0])
+    sway[1] += -math.expm1(-dt / since) * (sway[0] * sway[0] - sway[1])
+    density: float = max(NOISE * (1 + NOISE_OF_SPEED * square), 2 * SWAY_TIME * sway[1])
+    return density
+
+
+@subroutine
+def predict(errors: Array, covariance: Array, jump: Array, dt: float) -> None:
+    """Let the errors of the accelerometer wander, and the scale return to its mean."""
+    kept = 1 - dt / SCALE_TIME
+    errors[2] *= kept
+    jump[2] = EXCESS + kept * (jump[2] - EXCESS)
+    for axis in range(2):
+        covariance[axis, axis] += BIAS_WANDER * dt
+        covariance[axis, 2] *= kept
+        covariance[2, axis] *= kept
+    covariance[2, 2] = SCALE_STD * SCALE_STD + kept * kept * (
+        covariance[2, 2] - SCALE_STD * SCALE_STD
+    )
+
+
+@subroutine
+def correct(
+    axis: int,
+    error: float,
+    speed: float,
+    variance: float,
+    errors: Array,
+    covariance: Array,
+    jump: Array,
+) -> float:
+    """Correct the errors by the drag along an axis; return what it adds to the evidence.
+
+    Args:
+        axis: 0 ahead, 1 left.
+        error: Measured less expected drag, m/s².
+        speed: Along the axis, m/s.
+        variance: Of the noise of the measurement, (m/s²)².
+        errors: (3,) m/s² and fraction.
+        covariance: (3, 3) of the errors.
+        jump: (3,) m/s² and fraction.
+    """
+    share = -DRAG * speed
+    innovation = error - errors[axis] - share * errors[2]
+    signature = jump[axis] + share * jump[2]
+    first = covariance[0, axis] + share * covariance[0, 2]
+    second = covariance[1, axis] + share * covariance[1, 2]
+    third = covariance[2, axis] + share * covariance[2, 2]
+    total = covariance[axis, axis] + 2 * share * covariance[axis, 2]
+    total += share * share * covariance[2, 2] + variance
+    for i, common in ((0, first), (1, second), (2, third)):
+        errors[i] += common / total * innovation
+        jump[i] -= common / total * signature
+        covariance[i, 0] -= common * first / total
+        covariance[i, 1] -= common * second / total
+        covariance[i, 2] -= common * third / total
+    added: float = signature * (innovation - signature / 2) / total
+    return added

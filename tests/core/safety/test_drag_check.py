@@ -75,6 +75,24 @@ def test_other_flights_are_let_alone(flight: dict[str, float], seed: int) -> Non
     assert found(0.5, **flight, seed=seed) == np.inf
 
 
+def test_wandering_accelerometers_are_no_wrong_flow_sensors() -> None:
+    n, legs, period = 300, 5, 0.1  # s between two reports; legs of 16 s at 0.25 m/s, to and fro
+    check, random = DragCheck(n), np.random.default_rng(0)
+    wander, level = 0.03 * random.standard_normal((n, 2)), np.tile([0.0, 0.0, 0.0, 1.0], (n, 1))
+    share, zero = 0.07 * random.standard_normal((n, 1)), np.zeros(n)  # that flow sensors miss
+    for k in range(round(16 * legs / period)):
+        time = k * period
+        wander += period / 10 * -wander + random.normal(0, 0.03 * (2 * period / 10) ** 0.5, (n, 2))
+        noise = random.normal(0, (0.0003 / period) ** 0.5, (n, 2))
+        speed = 0.25 * (-1) ** (time // 16) * (time >= 2.0)
+        velocity = np.tile([speed, 0.0, 0.0], (n, 1))
+        force = -DRAG * (1 + share) * velocity[:, :2] + wander + noise
+        now = Telemetry(
+            time, velocity, velocity, level, zero, zero.astype(np.int64), zero, specific_force=force
+        )
+        assert not check.check(now, np.ones(n, np.bool_)).any()
+
+
 def test_an_agent_without_an_accelerometer_is_not_judged() -> None:
     check, zero = DragCheck(1), np.zeros(1)
     level = np.array([[0.0, 0.0, 0.0, 1.0]])
