@@ -8,7 +8,7 @@ from typing import Any, Final, Self, TypeAlias
 
 import numpy as np
 
-from star_core.conditions import ConditionContext
+from star_core.conditions import Condition, ConditionContext
 from star_core.contracts import (
     AddsAgents,
     ContinuesFrom,
@@ -84,6 +84,23 @@ class Execution:
     tasks: TaskPool
     observers: Observers
     strikes: Strikes
+
+    def holds(self, condition: Condition, tick: TickContext, rows: Rows, begun: float) -> bool:
+        """Return whether a condition of some agents holds, from a time on, s, if that matters."""
+        scene = self.scene
+        targets = tuple(dict.fromkeys(tag.of for tag in scene.world.targets))
+        finders = zip(targets, tick.health.finder.tolist(), strict=True)
+        now = ConditionContext(
+            rows=rows,
+            begun=begun,
+            time=tick.time,
+            estimate=tick.estimate,
+            health=tick.health,
+            names=scene.names,
+            targets={name: scene.names[row] for name, row in finders if row >= 0},
+            events=self.observers.events,
+        )
+        return condition.holds(now)
 
     def log(self, what: str, action: Action, rows: Rows, rounds: Rounds) -> None:
         """Report an event of a step: ``patrol.yaml:5 goto cf1 [2/3] done``."""
@@ -266,22 +283,8 @@ class StepRun:
 
     def _is_until_met(self, tick: TickContext) -> bool:
         """Return whether the step's ``until`` holds."""
-        if self.action.until is None:
-            return False
-        scene = self.shared.scene
-        targets = tuple(dict.fromkeys(tag.of for tag in scene.world.targets))
-        finders = zip(targets, tick.health.finder.tolist(), strict=True)
-        now = ConditionContext(
-            rows=self.team.rows,
-            begun=self.begun,
-            time=tick.time,
-            estimate=tick.estimate,
-            health=tick.health,
-            names=scene.names,
-            targets=[name for name, row in finders if row >= 0],
-            events=self.shared.observers.events,
-        )
-        return self.action.until.holds(now)
+        until = self.action.until
+        return until is not None and self.shared.holds(until, tick, self.team.rows, self.begun)
 
 
 def _begin_task(

@@ -6,9 +6,11 @@ from star_core.conditions import BatteryBelow as BatteryBelow
 from star_core.conditions import Condition as Condition
 from star_core.conditions import Elapsed as Elapsed
 from star_core.conditions import Happened as Happened
+from star_core.conditions import NamedAgents as NamedAgents
 from star_core.conditions import Near as Near
 from star_core.conditions import Not as Not
 from star_core.conditions import TargetFound as TargetFound
+from star_core.conditions import TimeReached as TimeReached
 from star_core.errors import MAX_LISTED as MAX_LISTED
 from star_core.errors import code_of as code_of
 from star_core.errors import coded as coded

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -108,6 +108,11 @@ class Event:
     text: str
     agent: str | None = None
     details: Mapping[str, Any] | None = None
+
+    def is_about(self, names: Collection[str]) -> bool:
+        """Return whether it happened to one of some agents."""
+        agents = (self.details or {}).get("agents", ())
+        return self.agent in names or any(name in names for name in agents)
 
     def __str__(self) -> str:
         """Return the line of the log."""

@@ -129,6 +129,9 @@ class Author:
             {"elapsed": round(draw.uniform(1, 8), 1)},
             {"near": {**at, "within": 0.6}},
             {"battery_below": 3.1},
+            {"time": round(draw.uniform(1, 60), 1)},
+            {"event": "landing", "agents": draw.choice(self.names)},
+            {"battery_below": 3.2, "agents": {draw.choice(["any", "all"]): self.names[:2]}},
         ]
         condition = draw.choice(kinds)
         return draw.choice([condition, {"any": [condition, kinds[0]]}, {"all": [condition]}])
@@ -295,7 +298,9 @@ class Author:
         elapsed = {"elapsed": round(self._draw.uniform(0.5, 4), 1)}
         either = {"any": [elapsed, {"battery_below": 3.0}]}
         both = {"all": [elapsed, {"not": {"battery_below": 2.9}}]}
-        until = self._draw.choice([elapsed, either, both])
+        named = {"any": [elapsed, {"battery_below": 3.0, "agents": "all"}]}
+        clock: Data = {"time": round(self._draw.uniform(1, 30), 1)}
+        until = self._draw.choice([elapsed, either, both, named, clock])
         return [{"wait": {"agents": self._agents(movers), "until": until}}]
 
     def _formation(self, movers: list[str]) -> list[Data]:

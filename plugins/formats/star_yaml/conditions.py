@@ -16,39 +16,68 @@ from star_core.formats import (
     Elapsed,
     Happened,
     Location,
+    NamedAgents,
     Near,
     Not,
     Point,
     TargetFound,
+    TimeReached,
 )
 from star_core.toolkit import suggestion
 
-OF_A_VALUE: Final[Mapping[str, Callable[[Any], Condition]]] = {
-    "elapsed": Elapsed,
+OF_AGENTS: Final[Mapping[str, Callable[[Any, NamedAgents | None], Condition]]] = {
     "found": TargetFound,
     "battery_below": BatteryBelow,
     "event": Happened,
 }
+OF_TIME: Final[Mapping[str, Callable[[Any], Condition]]] = {
+    "elapsed": Elapsed,
+    "time": TimeReached,
+}
 
 
-def parse(written: Mapping[str, Any]) -> Condition:
+def parse(written: Mapping[str, Any], members: Mapping[str, Sequence[str]] = {}) -> Condition:
     """Return the condition that a map of the mission schema's ``condition`` describes.
+
+    Args:
+        written: The map.
+        members: Names of the agents of each group.
 
     >>> str(parse({"any": [{"found": 2}, {"not": {"elapsed": 30}}]}))
     '(2 targets are found or not 30 s have passed)'
     """
-    ((kind, value),) = written.items()
+    ((kind, value),) = ((key, value) for key, value in written.items() if key != "agents")
     match kind:
         case "any":
-            return AnyOf(tuple(map(parse, value)))
+            return AnyOf(tuple(parse(inner, members) for inner in value))
         case "all":
-            return AllOf(tuple(map(parse, value)))
+            return AllOf(tuple(parse(inner, members) for inner in value))
         case "not":
-            return Not(parse(value))
-        case "near":
-            point = tuple(value["point"]) if "point" in value else None
-            return Near(value["within"], point, value.get("agent"))
-    return OF_A_VALUE[kind](value)
+            return Not(parse(value, members))
+    if kind in OF_TIME:
+        return OF_TIME[kind](value)
+    agents = None
+    if "agents" in written:
+        agents = _agents(written["agents"], members, every=kind == "near")
+    if kind == "near":
+        point = tuple(value["point"]) if "point" in value else None
+        return Near(value["within"], point, value.get("agent"), agents)
+    return OF_AGENTS[kind](value, agents)
+
+
+def _agents(
+    written: str | Sequence[str] | Mapping[str, Any],
+    members: Mapping[str, Sequence[str]],
+    *,
+    every: bool,
+) -> NamedAgents:
+    """Return the agents of a condition; `every` if it is about each of them by default."""
+    if isinstance(written, Mapping):
+        ((quantity, written),) = written.items()
+        every = quantity == "all"
+    names = [written] if isinstance(written, str) else written
+    agents = dict.fromkeys(agent for name in names for agent in members.get(name, (name,)))
+    return NamedAgents(tuple(agents), every)
 
 
 def needs_find(condition: Condition) -> bool:
@@ -62,8 +91,8 @@ def needs_find(condition: Condition) -> bool:
             return all(map(needs_find, conditions))
         case AllOf(conditions):
             return any(map(needs_find, conditions))
-        case Happened(event):
-            return event == "found"
+        case Happened("found"):
+            return True
     return isinstance(condition, TargetFound)
 
 
@@ -108,6 +137,7 @@ def problems(
         outside: Returns the distance of a point from where agents can be, m.
     """
     parts: list[tuple[Location, Condition]] = []
+    yield from _unknown_agents(getattr(condition, "agents", None), agents)
     match condition:
         case AnyOf(conditions):
             parts = [(("any", i), inner) for i, inner in enumerate(conditions)]
@@ -128,6 +158,13 @@ def problems(
             yield problem._replace(path=(*path, *problem.path))
 
 
+def _unknown_agents(named: NamedAgents | None, agents: Sequence[str]) -> Iterator[Problem]:
+    for name in () if named is None else named.names:
+        if name not in agents:
+            hint = suggestion(name, agents, "there are", MAX_LISTED)
+            yield Problem(("agents",), f"no agent or group named {name!r}{hint}", "unknown-agent")
+
+
 def _near_problems(
     near: Near, agents: Sequence[str], of_step: Sequence[str], outside: Callable[[Point], float]
 ) -> Iterator[Problem]:
@@ -136,8 +173,8 @@ def _near_problems(
     elif near.agent is not None and near.agent not in agents:
         hint = suggestion(near.agent, agents, "there are", MAX_LISTED)
         yield Problem(("near", "agent"), f"no agent named {near.agent!r}{hint}", "unknown-agent")
-    elif [*of_step] == [near.agent]:
-        message = f"{of_step[0]!r} is always near itself; name another agent"
+    elif [*(of_step if near.agents is None else near.agents.names)] == [near.agent]:
+        message = f"{near.agent!r} is always near itself; name another agent"
         yield Problem(("near", "agent"), message, "agent-conflict")
     elif near.point is not None:
         x, y, z = near.point

@@ -88,8 +88,8 @@ def admitting(schema: Mapping[str, Any]) -> dict[str, Any]:
 
 def _inner(key: str, rule: Any) -> Any:
     """Return what stands under a keyword, with the schemas in it made to admit parameters."""
-    if key in _MAPS:
-        return {name: _admitting(inner) for name, inner in rule.items()}
+    if key in _MAPS:  # the name of a plugin is written out, so that editors offer it explained
+        return {n: inner if n == "use" else _admitting(inner) for n, inner in rule.items()}
     if key in _LISTS:
         return [_admitting(inner) for inner in rule]
     return _admitting(rule) if key in _ONE else rule

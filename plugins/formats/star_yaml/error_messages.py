@@ -195,7 +195,7 @@ def _length(breach: Breach) -> str:
     halved = noun == "number" and length < len(value) <= 2 * length and len(value) > _POINT
     if halved and all(isinstance(item, int) for item in value):
         hint = "; a decimal has a point: 0.8"
-    if noun == "key" and {"any", "all"} <= {*breach.possible_keys}:  # of a condition
+    if noun == "key" and "elapsed" in breach.possible_keys:  # of a condition
         both = short_flow({"all": [{key: item} for key, item in value.items()]})
         hint = f"; write `{both}`, or `any` for one of them" if both else "; join them by `all`"
     plural = "" if len(value) == 1 else "s"

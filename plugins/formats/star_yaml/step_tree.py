@@ -57,6 +57,9 @@ class StepBuilder:
         self._uncertain = uncertain
         self._registry = registry
         self._groups: Groups = scene.rows_by_name
+        self._members = {
+            name: [scene.names[row] for row in rows] for name, rows in self._groups.items()
+        }
 
     def build(self) -> tuple[Node, ...]:
         """Return the steps of the mission."""
@@ -121,7 +124,7 @@ class StepBuilder:
             source=source,
             rows=rows,
             options=values,
-            until=conditions.parse(until) if clear else None,
+            until=conditions.parse(until, self._members) if clear else None,
             timeout=options.get("timeout"),
             on_failure=options.get("on_failure", "abort"),
             location=self._document.location_text(path),

@@ -20,6 +20,7 @@ from star_yaml import conditions, schema
 from star_yaml.conditions import parse, problems
 
 NAMES = ("cf1", "cf2", "cf3")
+GROUPS = {"pair": ["cf2", "cf3"], "all": [*NAMES]}
 
 
 def now(**changes: Any) -> ConditionContext:
@@ -32,8 +33,12 @@ def now(**changes: Any) -> ConditionContext:
         estimate=estimate(line, time=15.0),
         health=replace(health(3), battery=np.array([3.9, 3.6, 3.1])),
         names=NAMES,
-        targets=("survivor", "bag"),
-        events=[Event(4.0, "safety", "slow"), Event(7.0, "found", "there")],
+        targets={"survivor": "cf1", "bag": "cf3"},
+        events=[
+            Event(4.0, "safety", "slow", "cf1"),
+            Event(7.0, "found", "there", "cf3"),
+            Event(8.0, "step", "goto begins", None, {"agents": ["cf1", "cf2"]}),
+        ],
     )
     return replace(there, **changes)
 
@@ -51,11 +56,23 @@ def now(**changes: Any) -> ConditionContext:
         {"any": [{"elapsed": 11}, {"found": 1}]},
         {"all": [{"elapsed": 1}, {"found": 1}]},
         {"not": {"elapsed": 11}},
+        {"time": 15},
+        {"found": 1, "agents": "cf3"},
+        {"found": 2, "agents": "all"},
+        {"found": 1, "agents": {"all": ["cf1", "cf3"]}},
+        {"found": "bag", "agents": ["cf2", "cf3"]},
+        {"near": {"point": [2, 0, 1], "within": 0.5}, "agents": "cf3"},
+        {"near": {"point": [2, 0, 1], "within": 0.5}, "agents": {"any": "all"}},
+        {"battery_below": 3.2, "agents": "pair"},
+        {"battery_below": 3.7, "agents": {"all": "pair"}},
+        {"event": "found", "agents": "cf3"},
+        {"event": "step", "agents": {"all": ["cf1", "cf2"]}},
+        {"all": [{"found": 1, "agents": "cf1"}, {"not": {"event": "found", "agents": "cf1"}}]},
     ],
     ids=str,
 )
 def test_a_condition_holds(condition: dict[str, Any]) -> None:
-    assert parse(condition).holds(now())
+    assert parse(condition, GROUPS).holds(now())
 
 
 @pytest.mark.parametrize(
@@ -71,11 +88,21 @@ def test_a_condition_holds(condition: dict[str, Any]) -> None:
         {"any": [{"elapsed": 11}, {"found": 3}]},
         {"all": [{"elapsed": 11}, {"found": 1}]},
         {"not": {"elapsed": 10}},
+        {"time": 15.1},
+        {"found": 2, "agents": "cf3"},
+        {"found": 1, "agents": {"all": "pair"}},  # cf2 found none
+        {"found": "bag", "agents": "cf1"},
+        {"near": {"point": [2, 0, 1], "within": 0.5}, "agents": "pair"},
+        {"battery_below": 3.7, "agents": "cf1"},
+        {"battery_below": 3.2, "agents": {"all": "pair"}},
+        {"event": "found", "agents": "cf1"},
+        {"event": "safety", "agents": "cf1"},  # that was before the step
+        {"event": "step", "agents": {"all": "all"}},
     ],
     ids=str,
 )
 def test_a_condition_does_not_hold(condition: dict[str, Any]) -> None:
-    assert not parse(condition).holds(now())
+    assert not parse(condition, GROUPS).holds(now())
 
 
 def test_an_agent_that_is_nowhere_is_near_nothing() -> None:
@@ -96,6 +123,7 @@ def test_a_battery_that_is_not_reported_is_not_low() -> None:
         ({"found": 3}, 0.0),
         ({"any": [{"found": 1}, {"all": [{"elapsed": 7}, {"elapsed": 2}]}]}, 7.0),
         ({"not": {"elapsed": 4}}, 4.0),
+        ({"all": [{"time": 9}, {"elapsed": 7}]}, 9.0),
     ],
     ids=str,
 )
@@ -184,7 +212,8 @@ def test_every_condition_is_a_clause(one: dict[str, Any]) -> None:
 def test_every_kind_of_the_schema_is_tried_here() -> None:
     kinds = schema.load("mission")["$defs"]["condition"]["properties"]
     assert {*kinds} == {
-        *("any", "all", "not", "elapsed", "found", "near", "battery_below", "event")
+        *("any", "all", "not", "elapsed", "time", "found", "near", "battery_below", "event"),
+        "agents",
     }
 
 

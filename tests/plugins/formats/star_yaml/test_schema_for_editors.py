@@ -53,13 +53,20 @@ def properties(value: Any, root: dict[str, Any], path: str = "") -> Iterator[Pro
                 f"{path}/{name}",
                 resolved(held, root),
                 required=name in value.get("required", ()),
-                one_of_many=value.get("maxProperties") == 1,
+                one_of_many=1 in limits(value),
                 told_above="examples" in value or "default" in value,
             )
             yield from properties(held, root, f"{path}/{name}")
     for key, held in value.items():
         if key not in {"properties", "if", "examples", "default", "enum", "const"}:
             yield from properties(held, root, f"{path}/{key}" if key == "$defs" else path)
+
+
+def limits(schema: dict[str, Any]) -> Iterator[int]:
+    """How many keys a map may have, by itself and where it has no key that permits more."""
+    if "maxProperties" in schema:
+        yield schema["maxProperties"]
+    yield from limits(schema["else"]) if "else" in schema else ()
 
 
 def resolved(schema: dict[str, Any], root: dict[str, Any]) -> dict[str, Any]:
