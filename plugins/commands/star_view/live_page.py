@@ -23,7 +23,7 @@ from star_core import Event
 from star_view.camera_images import CameraStream, mosaic
 from star_view.markdown import escaped
 from star_view.messages import News, Watched
-from star_view.page import open_page
+from star_view.page import add_dark_switch, open_page
 from star_view.snapshot import Snapshot
 from star_view.swarm_scene import SwarmScene
 
@@ -140,6 +140,7 @@ class LivePage:
         with gui.add_folder("events"):
             self._log = gui.add_markdown("")
         self.swarm.add_controls(gui)
+        add_dark_switch(self.server)
 
 
 def main() -> None:

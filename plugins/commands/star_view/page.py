@@ -14,7 +14,7 @@ from star_view.gate import Gate
 from star_view.world_scene import add_world
 
 LOOPBACK: Final = "127.0.0.1"
-BACKGROUND: Final = (247, 247, 245)
+BACKGROUND: Final = {False: (247, 247, 245), True: (26, 28, 32)}  # by whether the page is dark
 HEIGHT: Final = 0.3  # m above the floor, of the point that the camera looks at
 FIELD_OF_VIEW: Final = 0.9  # rad, vertical
 
@@ -53,11 +53,10 @@ class Page(viser.ViserServer):
 def open_page(world: World, port: int, title: str) -> Page:
     """Serve a page with a world on `port` or the next free one; it requests nothing else."""
     server = Page(port, title)
-    server.gui.configure_theme(show_logo=False, show_share_button=False, control_width="large")
+    paint(server, dark=False)
     server.gui.main_panel.dock_right()
     server.gui.set_panel_label(title)
     page = server.scene
-    page.set_background_image(np.full((1, 1, 3), BACKGROUND, np.uint8), format="png")
     page.configure_environment_map(hdri=None)  # else it is fetched from the internet
     page.configure_default_lights(enabled=True, cast_shadow=False)
     page.add_light_ambient("/light", intensity=1.2)
@@ -70,3 +69,18 @@ def open_page(world: World, port: int, title: str) -> Page:
     camera.look_at = tuple(target)
     add_world(page, world)
     return server
+
+
+def paint(server: viser.ViserServer, *, dark: bool) -> None:
+    """Make a page light or dark."""
+    server.gui.configure_theme(
+        show_logo=False, show_share_button=False, control_width="large", dark_mode=dark
+    )
+    background = np.full((1, 1, 3), BACKGROUND[dark], np.uint8)
+    server.scene.set_background_image(background, format="png")
+
+
+def add_dark_switch(server: viser.ViserServer) -> None:
+    """Add a switch between a light and a dark page."""
+    box = server.gui.add_checkbox("dark", initial_value=False)
+    box.on_update(lambda event: paint(server, dark=event.target.value))

@@ -14,7 +14,7 @@ from star_core import Agent, Array, Mission, Registry
 from star_core.toolkit import Rehearsal, RehearsedStep, actions, shortlist
 from star_view.footprints import footprint
 from star_view.markdown import escaped
-from star_view.swarm_scene import color_of, segments, switch
+from star_view.swarm_scene import Footprint, color_of, dashes, segments, switch
 
 PAD: Final = 0.15  # m, radius of a pad
 PAD_HEIGHT: Final = 0.004  # m above the floor, so that the floor does not shine through
@@ -65,13 +65,19 @@ def add_plan(
     layers = [page.add_frame(f"/{name}", show_axes=False) for name in ("pads", "plan")]
     ends = {agent.name: np.array(agent.start) for agent in agents}
     for row, agent in enumerate(agents):
-        _add_start(page, agent, steps, color_of(row))
+        _add_start(page, agent, steps, row)
     labels: dict[tuple[float, ...], list[str]] = {}  # by their positions
     for number, step in enumerate(steps, start=1):
         for name, path in step.paths.items():
             ends[name], color = path[-1], color_of(names.index(name))
             if len(path) > 1:
-                _add_dashes(page, f"/plan/{number}/{name}", path, color)
+                page.add_line_segments(
+                    f"/plan/{number}/{name}",
+                    dashes(path),
+                    color,
+                    thickness=WIDTH,
+                    thickness_units="screen",
+                )
                 labels.setdefault(tuple(path[-1].round(1)), []).append(f"{number} {step.verb}")
     for i, (position, texts) in enumerate(labels.items() if len(labels) <= MAX_LABELS else ()):
         page.add_label(
@@ -91,11 +97,9 @@ def add_plan(
         )
 
 
-def _add_start(
-    page: viser.SceneApi, agent: Agent, steps: Sequence[PlannedStep], color: tuple[int, int, int]
-) -> None:
+def _add_start(page: viser.SceneApi, agent: Agent, steps: Sequence[PlannedStep], row: int) -> None:
     """Add an agent's pad, and what its camera sees of the floor where the agent first hovers."""
-    _add_pad(page, f"/pads/start/{agent.name}", np.array(agent.start), color, filled=True)
+    _add_pad(page, f"/pads/start/{agent.name}", np.array(agent.start), color_of(row), filled=True)
     if agent.camera is None:
         return
     level = np.array([0.0, 0.0, math.sin(agent.yaw / 2), math.cos(agent.yaw / 2)])
@@ -103,7 +107,7 @@ def _add_start(
     views = (footprint(agent.camera, end, level) for end in ends)
     view = next((view for view in views if len(view)), None)  # none is seen from the floor
     if view is not None:
-        _add_dashes(page, f"/plan/footprints/{agent.name}", view, color)
+        Footprint(page, f"/plan/footprints/{agent.name}", row).draw(view)
 
 
 def _planned(step: RehearsedStep, rehearsal: Rehearsal, mission: Mission) -> PlannedStep:
@@ -130,19 +134,3 @@ def _add_pad(
         page.add_line_segments(
             name, segments(middle + ring), color, thickness=WIDTH, thickness_units="screen"
         )
-
-
-def _add_dashes(
-    page: viser.SceneApi, name: str, path: Array, color: tuple[int, int, int], dash: float = 0.06
-) -> None:
-    """Add a dashed line through the corners of a path, (K, 3) m."""
-    lengths = np.concatenate([[0.0], np.linalg.norm(np.diff(path, axis=0), axis=1).cumsum()])
-    along = np.arange(0.0, lengths[-1], 2 * dash)
-    ends = np.minimum(along + dash, lengths[-1])
-    points = [
-        np.stack([np.interp(where, lengths, path[:, axis]) for axis in range(3)], axis=1)
-        for where in (along, ends)
-    ]
-    page.add_line_segments(
-        name, np.stack(points, axis=1), color, thickness=WIDTH, thickness_units="screen"
-    )

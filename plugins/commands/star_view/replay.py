@@ -13,7 +13,7 @@ import viser
 from star_core import Run
 from star_view.camera_images import Picture, mosaic
 from star_view.markdown import escaped
-from star_view.page import open_page
+from star_view.page import add_dark_switch, open_page
 from star_view.snapshot import of_record
 from star_view.swarm_scene import SwarmScene, color_of
 
@@ -46,23 +46,38 @@ class Replay:
         self._frames = {name: run.images(name) for name in run.agents}
         self._shown: list[Path] = []
         self.server = open_page(run.world, port, run.summary["mission"])
+        self._begun = False
         self._add_paths(self.server.scene)
         self.swarm = SwarmScene(self.server, run.swarm, radius)
         self._add_controls(self.server.gui)
         self.show(0)
 
     def serve(self) -> None:
-        """Play when asked to, until an exception such as KeyboardInterrupt ends it."""
+        """Play from the first browser on, until an exception such as KeyboardInterrupt ends it."""
+        self.server.on_client_connect(lambda _client: self._begin())
         last = time.monotonic()
         while True:
             time.sleep(1 / RATE)
             now = time.monotonic()
-            if self._play.value:
+            if self._playing:
                 moment = self.timeline.value + (now - last) * float(self._speed.value[:-2])
                 if moment >= self._time[-1]:
-                    self._play.value = False
+                    self.play(on=False)
                 self.timeline.value = min(moment, float(self._time[-1]))
             last = now
+
+    def play(self, *, on: bool) -> None:
+        """Play, from the beginning if the flight is at its end, or pause."""
+        if on and self.timeline.value >= self._time[-1]:
+            self.timeline.value = float(self._time[0])
+        self._playing = on
+        self._play.label = "pause" if on else "play"
+        self._play.icon = viser.Icon.PLAYER_PAUSE if on else viser.Icon.PLAYER_PLAY
+
+    def _begin(self) -> None:
+        if not self._begun:
+            self._begun = True
+            self.play(on=True)
 
     def show(self, tick: int) -> None:
         """Show the flight at a tick."""
@@ -71,8 +86,14 @@ class Replay:
             self.swarm.show(now)
         self._show_images(round(1000 * now.time))
         self.status.content = (
-            f"**{now.time:.2f} s** {escaped(now.doing)}\n\n{now.states(self._run.agents)}"
+            f"**{now.time:.2f} s** {escaped(now.doing)}\n\n{self._latest_event(now.time)}\n\n"
+            f"{now.states(self._run.agents)}"
         )
+
+    def _latest_event(self, now: float) -> str:
+        """Return the latest event up to a time, s, as Markdown."""
+        past = [event for event in self._run.summary["events"] if event["time"] <= now + 1e-6]
+        return f"{past[-1]['time']:.2f} s {escaped(past[-1]['text'])}" if past else ""
 
     def _show_images(self, now: int) -> None:
         """Show the newest saved image of each camera at a time, ms, with the detected tags."""
@@ -122,7 +143,9 @@ class Replay:
             "time (s)", min=begin, max=end, step=0.05, initial_value=begin,
             marks=tuple(dict.fromkeys(float(event["time"]) for event in events)),
         )  # fmt: skip
-        self._play: Any = gui.add_checkbox("play", initial_value=False)
+        self._playing = False
+        self._play: Any = gui.add_button("play", icon=viser.Icon.PLAYER_PLAY)
+        self._play.on_click(lambda _event: self.play(on=not self._playing))
         self._speed = gui.add_dropdown("speed", SPEEDS, initial_value="1 x")
         self._add_events(gui, events)
         self.status = gui.add_markdown("")
@@ -130,6 +153,7 @@ class Replay:
             np.zeros((1, 1, 3), np.uint8), label="cameras", format="jpeg", visible=False
         )
         self.swarm.add_controls(gui)
+        add_dark_switch(self.server)
 
         def update(_event: Any) -> None:
             tick = int(np.searchsorted(self._time, self.timeline.value))
@@ -141,7 +165,7 @@ class Replay:
         """Add buttons to jump to the previous and the next event, and a list to jump to any."""
         labels = [f"{event['time']:.2f} s {event['text']}"[:MAX_LABEL] for event in events]
         times = [float(event["time"]) for event in events]
-        chosen: Any = gui.add_dropdown("jump to event", ["", *dict.fromkeys(labels)])
+        chosen: Any = gui.add_dropdown("jump to event", list(dict.fromkeys(labels)) or [""])
         buttons = gui.add_button_group("event", ("◀ previous", "next ▶"))
 
         def jump(_event: Any) -> None:

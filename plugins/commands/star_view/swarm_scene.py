@@ -12,11 +12,16 @@ import viser
 from numpy.typing import NDArray
 
 from star_core import Agent, Array
+from star_view.drone_mesh import frame_and_rear, front
 from star_view.footprints import footprint
 from star_view.snapshot import Snapshot
 
-AXES: Final = 0.15  # m
-BODY: Final = 0.045  # m
+SIZE: Final = 1.5  # of a drawn drone, over that of a Crazyflie
+FRONT: Final = (245, 245, 245)  # color of the rotors ahead
+AXES: Final = 0.075  # m, of an estimate
+DASH: Final = 0.06  # m
+PALE: Final = 0.18  # opacity of a footprint
+FLOOR_GAP: Final = 0.002  # m above the floor, and between footprints, so that none shines through
 SIGMAS: Final = 2.0  # of the ellipsoids
 MIN_SEMIAXIS: Final = 0.005  # m, of an ellipsoid that can be seen
 VELOCITY_SCALE: Final = 0.5  # s: length of an arrow over its velocity
@@ -27,7 +32,7 @@ PALETTE: Final = (
     (0, 114, 178), (213, 94, 0), (0, 158, 115), (204, 121, 167), (230, 159, 0), (86, 180, 233),
     (90, 90, 90), (160, 140, 0),
 )  # fmt: skip
-LINE_WIDTHS: Final = {"trails": 3.0, "goals": 2.5, "planned": 1.5, "footprints": 1.5}  # px
+LINE_WIDTHS: Final = {"trails": 3.0, "goals": 2.5, "planned": 1.5}  # px
 LAYERS: Final = {
     "trails": "trails",
     "estimates": f"estimates ({SIGMAS:g} std)",
@@ -61,13 +66,17 @@ class SwarmScene:
         self._cameras = [agent.camera for agent in agents]
         self._layers = {name: page.add_frame(f"/{name}", show_axes=False) for name in LAYERS}
         self.agents: list[Any] = []
+        self.footprints: dict[int, Footprint] = {}  # of agents with a camera, by row
         self.estimates: list[Any] = []
         self.ellipsoids: list[Any] = []
         self.arrows: list[Any] = []
         self._rings: list[Any] = []
         self._lines: dict[str, list[_Lines]] = {name: [] for name in LINE_WIDTHS}
-        for agent, color in zip(agents, map(color_of, range(len(agents))), strict=True):
+        for row, agent in enumerate(agents):
+            color = color_of(row)
             self._add_agent(agent, color)
+            if agent.camera is not None:
+                self.footprints[row] = Footprint(page, f"/footprints/{agent.name}", row)
             self._add_estimate(agent.name, color)
             if radius is not None:
                 ring = np.stack([np.cos(CIRCLE), np.sin(CIRCLE), 0 * CIRCLE], axis=1) * radius
@@ -106,10 +115,10 @@ class SwarmScene:
                 ring.visible, ring.position = agent.visible, now.position[row]
             self._lines["trails"][row].draw(segments(now.trail[:, row]))
             self._lines["goals"][row].draw(_cross(now.goal[row]))
-            self._lines["planned"][row].draw(segments(now.path[row]))
+            self._lines["planned"][row].draw(dashes(now.path[row]))
             if (camera := self._cameras[row]) is not None:
                 outline = footprint(camera, now.position[row], now.attitude[row])
-                self._lines["footprints"][row].draw(segments(outline))
+                self.footprints[row].draw(outline)
         self._show_velocities(now)
 
     def _show_estimate(self, row: int, now: Snapshot) -> None:
@@ -140,8 +149,12 @@ class SwarmScene:
 
     def _add_agent(self, agent: Agent, color: tuple[int, int, int]) -> None:
         page, name = self._page, f"/agents/{agent.name}"
-        self.agents.append(page.add_frame(name, axes_length=AXES, axes_radius=0.008))
-        page.add_icosphere(f"{name}/body", radius=BODY, color=color, cast_shadow=False)
+        self.agents.append(page.add_frame(name, show_axes=False))
+        for part, mesh, paint in (("body", frame_and_rear(), color), ("front", front(), FRONT)):
+            page.add_mesh_simple(
+                f"{name}/{part}", mesh.vertices, mesh.faces, color=paint, flat_shading=True,
+                side="double", scale=SIZE, cast_shadow=False, receive_shadow=False,
+            )  # fmt: skip
         page.add_label(f"{name}/name", agent.name, position=(0.0, 0.0, 0.1), anchor="bottom-center")
         if agent.camera is not None:
             x, y, z, w = agent.camera.rotation
@@ -149,7 +162,7 @@ class SwarmScene:
                 f"{name}/camera",
                 fov=2 * math.atan2(agent.camera.height / 2, agent.camera.matrix[1]),
                 aspect=agent.camera.width / agent.camera.height,
-                scale=0.12,
+                scale=0.08,
                 thickness=1.5,
                 thickness_units="screen",
                 color=color,
@@ -160,7 +173,7 @@ class SwarmScene:
     def _add_estimate(self, name: str, color: tuple[int, int, int]) -> None:
         page = self._page
         self.estimates.append(
-            page.add_frame(f"/estimates/{name}/axes", axes_length=AXES / 2, axes_radius=0.004)
+            page.add_frame(f"/estimates/{name}/axes", axes_length=AXES, axes_radius=0.004)
         )
         self.ellipsoids.append(
             page.add_icosphere(
@@ -172,6 +185,37 @@ class SwarmScene:
                 receive_shadow=False,
             )
         )
+
+
+class Footprint:
+    """What a camera sees of the floor: a pale area, in the color of its agent.
+
+    Args:
+        page: To draw on.
+        name: Of the area on the page.
+        row: Of the agent.
+    """
+
+    def __init__(self, page: viser.SceneApi, name: str, row: int) -> None:
+        self._height = FLOOR_GAP * (row + 1)
+        self._outline = np.zeros((0, 3))
+        self.area: Any = page.add_mesh_simple(
+            name, np.zeros((3, 3)), np.array([[0, 1, 2]]), color=color_of(row), opacity=PALE,
+            side="double", cast_shadow=False, receive_shadow=False, visible=False,
+        )  # fmt: skip
+
+    def draw(self, outline: Array) -> None:
+        """Fill a closed outline, (K, 3) m, around its middle; none if it is empty."""
+        if np.array_equal(outline, self._outline):
+            return
+        self._outline = outline
+        self.area.visible = len(outline) > 0
+        if len(outline):
+            vertices = np.concatenate([outline[:-1].mean(axis=0, keepdims=True), outline])
+            rim = np.arange(1, len(outline))
+            vertices[:, 2] += self._height
+            self.area.vertices = vertices.astype(np.float32)
+            self.area.faces = np.stack([0 * rim, rim, rim + 1], axis=1).astype(np.uint32)
 
 
 class _Lines:
@@ -205,6 +249,20 @@ def segments(points: Array) -> NDArray[np.float32]:
     """Return a line through (K, 3) points as segments (K - 1, 2, 3), without unknown points."""
     points = points[np.isfinite(points).all(axis=1)]
     return np.stack([points[:-1], points[1:]], axis=1).astype(np.float32)
+
+
+def dashes(path: Array) -> NDArray[np.float32]:
+    """Return a dashed line through the corners of a path, (K, 3) m, as segments (M, 2, 3)."""
+    if len(path) < 2:  # noqa: PLR2004 -- a line has two ends
+        return np.zeros((0, 2, 3), np.float32)
+    lengths = np.concatenate([[0.0], np.linalg.norm(np.diff(path, axis=0), axis=1).cumsum()])
+    along = np.arange(0.0, lengths[-1], 2 * DASH)
+    ends = np.minimum(along + DASH, lengths[-1])
+    points = [
+        np.stack([np.interp(where, lengths, path[:, axis]) for axis in range(3)], axis=1)
+        for where in (along, ends)
+    ]
+    return np.stack(points, axis=1).astype(np.float32)
 
 
 def _cross(goal: Array) -> NDArray[np.float32]:

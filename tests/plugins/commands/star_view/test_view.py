@@ -20,10 +20,12 @@ import pytest
 from star_core import Agent, Camera, Detections, Registry, load, read_run
 from star_core.commands.main import main
 from star_view.command import simulate
+from star_view.drone_mesh import ARM, frame_and_rear, front
 from star_view.footprints import MAX_DISTANCE, footprint
 from star_view.page import LOOPBACK, open_page
 from star_view.plan_scene import PlannedStep, add_plan, planned_steps
 from star_view.replay import Replay
+from star_view.swarm_scene import DASH, Footprint
 from tests.plugins.commands.star_view.browser import Browser
 from tests.waiting import eventually
 
@@ -68,10 +70,50 @@ def test_planned_paths_lead_from_the_estimate_to_the_goal(viewer: Replay) -> Non
     viewer.show(150)
     arrays = viewer._run.arrays
     line = viewer.swarm._lines["planned"][0]._segments
-    expected = [[arrays["estimate_position"][150, 0], arrays["goal_position"][150, 0]]]
-    assert line == pytest.approx(np.array(expected), abs=1e-6)
+    estimate, goal = arrays["estimate_position"][150, 0], arrays["goal_position"][150, 0]
+    dashes = np.linalg.norm(line[:, 1] - line[:, 0], axis=1)
+    assert line[0, 0] == pytest.approx(estimate, abs=1e-6)
+    assert np.linalg.norm(line[-1, 1] - goal) <= DASH + 1e-6
+    assert dashes[:-1] == pytest.approx(DASH, abs=1e-6)
+    assert dashes.sum() == pytest.approx(np.linalg.norm(goal - estimate) / 2, abs=DASH)
     viewer.show(len(arrays["time"]) - 1)
     assert len(viewer.swarm._lines["planned"][0]._segments) == 0
+
+
+def test_a_replay_plays_from_the_first_browser_on(viewer: Replay) -> None:
+    viewer.timeline.value = end = float(viewer._time[-1])
+    viewer._begin()
+    assert (viewer._playing, viewer._play.label, viewer.timeline.value) == (True, "pause", 0.0)
+    with Browser(viewer.server.address) as browser:
+        browser.set("pause", value=True)
+        assert eventually(lambda: viewer._play.label == "play")
+    viewer._begin()  # of another browser
+    assert not viewer._playing
+    viewer.show(len(viewer._time) - 1)
+    assert "land all agents done" in viewer.status.content
+    assert viewer.timeline.value < end
+
+
+def test_drones_are_quadrotors_of_their_size() -> None:
+    for mesh, rotors in ((frame_and_rear(), (3, 5)), (front(), (1, 7))):
+        assert mesh.faces.max() == len(mesh.vertices) - 1
+        for eighth in rotors:
+            middle = ARM * np.array(
+                [math.cos(eighth * math.pi / 4), math.sin(eighth * math.pi / 4)]
+            )
+            assert np.isclose(mesh.vertices[:, :2], middle).all(axis=1).any()
+
+
+def test_footprints_are_areas_within_their_outline(viewer: Replay) -> None:
+    area = Footprint(viewer.server.scene, "/test", row=2)
+    assert not area.area.visible
+    area.draw(np.array([[0, 0, 0], [2, 0, 0], [2, 1, 0], [0, 1, 0], [0, 0, 0]], float))
+    corners = area.area.vertices[area.area.faces]
+    sides = corners[:, 1:, :2] - corners[:, :1, :2]
+    assert area.area.visible
+    assert abs(np.linalg.det(sides)).sum() / 2 == pytest.approx(2.0)
+    area.draw(np.zeros((0, 3)))
+    assert not area.area.visible
 
 
 def test_previous_and_next_jump_from_event_to_event(viewer: Replay) -> None:
