@@ -19,7 +19,7 @@ from star_core.formats.loading import STDIN as STDIN
 from star_core.formats.loading import check_file as check_file
 from star_core.formats.loading import format_function as format_function
 from star_core.formats.loading import read_as as read_as
-from star_core.formats.loading import recognized as recognized
+from star_core.formats.loading import recognized_as as recognized_as
 from star_core.formats.located import Data as Data
 from star_core.formats.located import Document as Document
 from star_core.formats.located import Location as Location

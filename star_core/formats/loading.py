@@ -83,13 +83,15 @@ def format_of(path: Path, registry: Registry) -> Found:
     raise PluginError(f"no installed format reads {str(path)!r}", "unknown-plugin")
 
 
-def recognized(path: Path, registry: Registry) -> bool:
-    """Return whether a format recognizes a file or folder, valid or not, as one of its own."""
-    return _recognizing(path, registry) is not None or any(
-        guarded("format", plugin, plugin.offer.resembles, path, registry)
-        for plugin in _formats(registry)
-        if plugin.offer.resembles is not None
-    )
+def recognized_as(path: Path, registry: Registry) -> str | None:
+    """Return the name of the format that recognizes a file or folder, valid or not, if any does."""
+    if (plugin := _recognizing(path, registry)) is not None:
+        return str(plugin.offer.name)
+    for plugin in _formats(registry):
+        resembles = plugin.offer.resembles
+        if resembles is not None and guarded("format", plugin, resembles, path, registry):
+            return str(plugin.offer.name)
+    return None
 
 
 def _formats(registry: Registry) -> list[Found]:

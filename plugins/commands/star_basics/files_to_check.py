@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from star_core import InputError, Registry
-from star_core.formats import STDIN, recognized
+from star_core.formats import STDIN, recognized_as
 
 SKIPPED: Final = ("__pycache__", "node_modules", "venv")  # folders, beside hidden ones
 
@@ -27,20 +27,25 @@ def files_to_check(names: Sequence[str], registry: Registry, *, skip_others: boo
     files: list[Path] = []
     for name in names:
         path = Path(name)
-        if path.is_dir() and not _is_whole(path, registry):
-            inside = [file for file in _walk(path) if recognized(file, registry)]
+        if path.is_dir() and not (path / "manifest.json").exists():  # of a record
+            inside = list(_inside(path, registry))
             if not (inside or skip_others):
                 text = f"{path}: no file in this folder is a mission, a world or another to check"
                 raise InputError(text, "file-not-found")
             files += inside
-        elif path == STDIN or not skip_others or recognized(path, registry):
+        elif path == STDIN or not skip_others or recognized_as(path, registry):
             files.append(path)
     return list(dict.fromkeys(files))
 
 
-def _is_whole(folder: Path, registry: Registry) -> bool:
-    """Return whether a folder is checked like a file: one of a format, or the record of a run."""
-    return recognized(folder, registry) or (folder / "manifest.json").exists()
+def _inside(folder: Path, registry: Registry) -> Iterator[Path]:
+    """Yield a folder that is a mission of a format, and the recognized files of other formats."""
+    whole = recognized_as(folder, registry)
+    if whole is not None:
+        yield folder
+    for file in _walk(folder):
+        if recognized_as(file, registry) not in {None, whole}:
+            yield file
 
 
 def _walk(folder: Path) -> Iterator[Path]:

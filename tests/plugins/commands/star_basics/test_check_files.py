@@ -69,7 +69,6 @@ def test_a_folder_is_searched_for_files_of_star(capsys: Printed) -> None:
         "deep/er/lab.yaml": ROOM,
         "deep/no_version.yaml": HOP.removeprefix("star: 1\n"),
         "deep/torn.yaml": "star: 1\nname: [x\n",
-        "deep/robots.yaml": "fileversion: 3\nrobot_types: {}\nrobots: {}\n",
         "deep/notes.txt": HOP,
     }.items():
         Path(name).parent.mkdir(parents=True, exist_ok=True)
@@ -80,6 +79,18 @@ def test_a_folder_is_searched_for_files_of_star(capsys: Printed) -> None:
     assert [line.partition(":")[0] for line in out.splitlines()] == valid
     files = dict.fromkeys(line.partition(":")[0] for line in problem_lines(err))
     assert [*files] == ["deep/no_version.yaml", "deep/torn.yaml", "in_air.yaml", "wrong.yaml"]
+
+
+def test_a_folder_of_another_format_is_checked_as_one(capsys: Printed) -> None:
+    Path("old").mkdir()
+    Path("old/robots.yaml").write_text("fileversion: 3\nrobot_types: {}\nrobots: {}\n")
+    Path("old/room.yaml").write_text(ROOM)
+    assert main(["check", "--json", "old"]) == 2
+    files = json.loads(capsys.readouterr().out)["files"]
+    assert [(file["file"], file["valid"]) for file in files] == [
+        ("old", False),
+        ("old/room.yaml", True),
+    ]
 
 
 def test_a_folder_without_files_of_star_is_refused(capsys: Printed) -> None:
