@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Collection, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import Any
 
 from star_core.errors import ContractError
 from star_core.messages.events import Event, Flight
 from star_core.operator import Operator
 from star_core.plugin_support.compute_time import ComputeTime
+from star_core.plugin_support.discovery import Source
 from star_core.plugin_support.guard import PluginTimeout
 from star_core.plugin_support.plugin_manager import PluginManager
 from star_core.records.measures import check_measures
@@ -99,10 +100,16 @@ class Observers:
             self._measures |= check_measures(result, {*self._taken, *self._measures})
         return result
 
+    def _timed(self, plugin: str, hook: str) -> AbstractContextManager[None]:
+        """Return what measures a call: of the flight itself, not of the preparations for it."""
+        if hook == "star_mission_started":  # it may wait, as for a browser
+            return nullcontext()
+        return self._compute_time.of(f"observer {plugin}", quiet=Source(plugin).own)
+
     @contextmanager
     def _guard(self, plugin: str, hook: str) -> Iterator[None]:
         try:
-            with self._compute_time.of(f"observer {plugin}"):
+            with self._timed(plugin, hook):
                 yield
         except (Exception, SystemExit, PluginTimeout) as error:
             log.debug("observer %s raised", plugin, exc_info=True)

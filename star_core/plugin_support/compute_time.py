@@ -26,6 +26,7 @@ class Stopwatch:
         clock: Returns a time, s.
         watchdog: Interrupts blocks that do not end.
         waits: As of `ComputeTime.of`.
+        quiet: As of `ComputeTime.of`.
         elapsed: Time spent so far, s.
         total: Likewise, without compilation by numba.
         before: `total` before this tick, s.
@@ -38,6 +39,7 @@ class Stopwatch:
     clock: Callable[[], float]
     watchdog: Watchdog | None = None
     waits: bool = False
+    quiet: bool = False
     elapsed: float = 0.0
     total: float = 0.0
     before: float = 0.0
@@ -86,17 +88,18 @@ class ComputeTime:
         self._period = period
         self._watches: dict[str, Stopwatch] = {}
 
-    def of(self, plugin: str, *, waits: bool = False) -> Stopwatch:
+    def of(self, plugin: str, *, waits: bool = False, quiet: bool = False) -> Stopwatch:
         """Return the stopwatch of a plugin.
 
         Args:
             plugin: Its kind, name, distribution and version.
             waits: Whether it may also sleep, as transports do, which is not counted then.
+            quiet: Whether its slow ticks are not reported, as of STAR's own display.
         """
         watch = self._watches.get(plugin)
         if watch is None:
             clock = thread_time if waits else perf_counter
-            watch = self._watches[plugin] = Stopwatch(clock, self.watchdog, waits)
+            watch = self._watches[plugin] = Stopwatch(clock, self.watchdog, waits, quiet)
         return watch
 
     def end_tick(self) -> list[str]:
@@ -111,7 +114,7 @@ class ComputeTime:
             spent = watch.total - watch.before
             watch.before, watch.used = watch.total, False
             watch.ticks += 1
-            if spent <= self._limit:
+            if spent <= self._limit or watch.quiet:
                 continue
             if watch.ticks == 1:
                 log.debug("the first call of %s took %.1f s", plugin, spent)

@@ -15,7 +15,7 @@ from star_core.errors import ContractError, InputError
 from star_core.formats import format_function
 from star_core.messages.arrays import Array
 from star_core.messages.telemetry import Detections
-from star_core.records import record_files
+from star_core.records import record_files, run_html
 from star_core.records.planned_paths import PlannedPaths
 from star_core.records.record_files import (
     MANIFEST,
@@ -76,7 +76,7 @@ def _with_timing(summary: dict[str, Any], timing: dict[str, Any]) -> dict[str, A
     return summary | timing | {"events": events}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Run:
     """A recorded flight; `docs/record.md` describes its files.
 
@@ -107,6 +107,17 @@ class Run:
     def images(self, agent: str) -> dict[int, Path]:
         """Return the saved images of an agent by their times, ms."""
         return record_files.images(self.folder, agent)
+
+    def __repr__(self) -> str:
+        """Return mission, outcome and folder: the arrays have thousands of lines."""
+        figures = ", ".join(
+            f"{label}: {text}" for label, text in run_html.facts(self.summary).items()
+        )
+        return f"<Run {self.summary['mission']!r}, {figures}, in {str(self.folder)!r}>"
+
+    def _repr_html_(self) -> str:
+        """Return the figures and a picture of the tracks, for a notebook."""
+        return run_html.html(self)
 
 
 def read_run(folder: Path | str, *, flown: bool = False) -> Run:

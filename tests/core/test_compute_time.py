@@ -83,6 +83,24 @@ def test_a_slow_observer_is_reported(lab: Lab, clock: Clock) -> None:
     assert summary["slow_ticks"]["observer their-dist:slow"]["ticks"] > 1
 
 
+def test_own_observers_and_preparations_are_never_slow(lab: Lab, clock: Clock) -> None:
+    class Slow:
+        @hookimpl
+        def star_mission_started(self) -> None:
+            clock.time += 9.0
+
+        @hookimpl
+        def star_ticked(self, tick: Tick) -> None:
+            clock.time += own * (tick.time > 1.0)
+
+    for name, own in (("star-swarm:slow", 3.0), ("their-dist:slow", 0.0)):
+        lab.registry = Registry(star_yaml, lab, installed=False)
+        lab.registry.add(Slow(), Source(name))
+        summary = lab.fly()
+        assert (lab.said("slow"), summary["slow_ticks"]) == ([], {})
+        assert (summary["compute_s"][f"observer {name}"] == pytest.approx(0.0)) is (own == 0.0)
+
+
 @pytest.mark.parametrize("seconds", [0.01, LIMIT])
 def test_plugins_within_the_time_limit_are_not_reported(
     lab: Lab, clock: Clock, seconds: float

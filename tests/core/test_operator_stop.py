@@ -57,6 +57,20 @@ def test_an_interrupt_before_anybody_flies_orders_nothing(lab: Lab) -> None:
     assert lab.robots.commands == []
 
 
+def test_an_interrupt_before_the_first_tick_starts_nothing(lab: Lab) -> None:
+    class Waiting:
+        @hookimpl
+        def star_mission_started(self, operator: Operator) -> None:
+            operator.land_all()
+
+    lab.registry.add(Waiting(), Source("their-dist:waiting"))
+    summary = lab.fly()
+    assert summary["outcome"] == "aborted"
+    assert summary["reason"] == "not started: interrupted by the operator"
+    assert (lab.robots.commands, lab.robots.sent) == ([], [])
+    assert lab.said("step") == []
+
+
 def test_interrupts_during_landing_order_no_second_landing(lab: Lab) -> None:
     summary = lab.fly(operator=interrupted(lab, 3.5))
     assert summary["outcome"] == "aborted"

@@ -13,6 +13,7 @@ from dataclasses import replace
 from functools import partial
 from itertools import count
 from pathlib import Path
+from tempfile import TemporaryFile
 from types import FrameType, MappingProxyType
 
 from star_basics.land_requests import listening
@@ -104,18 +105,21 @@ def _folder(out: str | None, name: str) -> Path:
     """Return the folder of a new record.
 
     Raises:
-        InputError: It has a record already, or is not a folder.
+        InputError: It has a record already, is not a folder, or nothing can be written there.
     """
-    if out is None:
-        return new_folder(name)
-    folder = Path(out)
-    if not out or (folder.exists() and not folder.is_dir()):
+    folder = new_folder(name) if out is None else Path(out)
+    label = f"--out {out}" if out is not None else f"record {folder}"
+    if out == "" or (folder.exists() and not folder.is_dir()):
         text = f"--out {out}: is a file; name a folder" if out else "--out: is empty"
         raise InputError(text, "invalid-argument")
     above = next(path for path in (folder, *folder.parents) if path.exists())
-    if not (above.is_dir() and os.access(above, os.W_OK)):
-        text = f"--out {out}: cannot be made: nothing can be written in '{above}'"
-        raise InputError(text, "unwritable-file")
+    try:
+        with TemporaryFile(dir=above):
+            pass
+    except OSError as error:
+        hint = "" if out is not None else "; name another folder by --out, or fly with --no-record"
+        why = f"nothing can be written in '{above}' ({error.strerror}){hint}"
+        raise InputError(f"{label}: cannot be made: {why}", "unwritable-file") from None
     if (folder / "manifest.json").exists():
         text = f"--out {out}: holds the record of a run already; name another folder"
         raise InputError(text, "unwritable-file")

@@ -6,8 +6,8 @@ import time
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, Final
 
-from star_core import AgentPhase, Event, Flight, Tick, hookimpl
-from star_core.toolkit import Progress, log
+from star_core import AgentPhase, Event, Flight, Operator, Tick, hookimpl
+from star_core.toolkit import Progress, log, on_terminal
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -33,13 +33,14 @@ class FlightProgress:
         self._estimate_at = 0.0  # s of wall time
 
     @hookimpl
-    def star_mission_started(self, flight: Flight) -> None:
+    def star_mission_started(self, flight: Flight, operator: Operator) -> None:
         self._names, self._tick = flight.scene.names, None
         self._progress = Progress(
             flight.mission, unit="s", estimated=True, detail=self._speed, view=self._table
         )
         self._estimate_at = time.monotonic() + ESTIMATE_AFTER
-        if flight.scene.realtime:  # in flight it would delay ticks
+        paced = operator.simulation is not None and operator.simulation.speed is not None
+        if flight.scene.realtime or paced or on_terminal():  # in flight it would delay ticks
             self._progress.total = self._estimate()
         self._progress.done = 0.0
         self._progress.__enter__()

@@ -6,6 +6,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from star_core.commands import Source
+
 
 def format_summary(summary: Mapping[str, Any], folder: Path | None) -> str:
     """Return a summary as text."""
@@ -46,8 +48,17 @@ def _slowest(summary: Mapping[str, Any]) -> str:
     factor, wall_time = summary["realtime_factor"], summary["wall_time_s"]
     if factor is None or factor >= 1 or not summary["compute_s"]:
         return ""
-    spent, plugin = max((spent, plugin) for plugin, spent in summary["compute_s"].items())
+    spent, plugin = max(
+        ((spent, plugin) for plugin, spent in summary["compute_s"].items() if not _own(plugin)),
+        default=(0.0, ""),
+    )
     return f"{plugin}, {spent:.1f} of {wall_time:.1f} s" if spent > wall_time / 2 else ""
+
+
+def _own(plugin: str) -> bool:
+    """Return whether a plugin is one of STAR's own observers."""
+    kind, _, source = plugin.partition(" ")
+    return kind == "observer" and Source(source).own
 
 
 def _slow(slow_ticks: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:

@@ -169,6 +169,17 @@ def test_a_folder_that_holds_a_record_is_not_written_over(refused: Callable[[str
     assert refused("old").startswith(f"{wrong} [")
 
 
+@pytest.mark.parametrize("options", [["--out", "/proc/run"], []], ids=["named", "default"])
+def test_nothing_takes_off_that_cannot_be_recorded(said: Said, options: list[str]) -> None:
+    Path("runs").touch()
+    assert main(["run", "hop.yaml", *options]) == 2
+    (line,) = said.readouterr().err.splitlines()
+    assert "cannot be made: nothing can be written in '" in line
+    assert ("fly with --no-record" in line) is not bool(options)
+    assert line.endswith("[unwritable-file]")
+    assert main(["run", "hop.yaml", "--no-record"]) == 0
+
+
 def test_a_folder_that_cannot_be_made_is_refused(refused: Callable[[str], str]) -> None:
     assert refused("hop.yaml/runs").startswith("--out hop.yaml/runs: ")
 

@@ -24,6 +24,7 @@ from star_core import (
     Event,
     Flight,
     Goals,
+    Operator,
     Paths,
     Plan,
     Setpoint,
@@ -63,7 +64,7 @@ def a_screen(monkeypatch: pytest.MonkeyPatch) -> Screen:
 
 def shown(progress: FlightProgress, *ticks: Tick, agents: int) -> None:
     """Show ticks of a flight, long enough to be drawn."""
-    progress.star_mission_started(flight(agents))
+    progress.star_mission_started(flight(agents), Operator())
     for one in ticks:
         progress.star_ticked(one)
     time.sleep(5 * REFRESH_PERIOD)
@@ -125,7 +126,7 @@ def test_off_a_terminal_every_event_is_one_plain_line(monkeypatch: pytest.Monkey
 def test_what_looks_like_markup_is_shown_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
     screen = a_screen(monkeypatch)
     progress = FlightProgress(lambda: None)
-    progress.star_mission_started(flight(1))
+    progress.star_mission_started(flight(1), Operator())
     time.sleep(5 * REFRESH_PERIOD)
     progress.star_event(Event(1.0, "step", "[red]stop[/red] [1, 2] 'cf1'"))
     progress.star_mission_ended({})
@@ -142,7 +143,7 @@ def test_a_long_flight_writes_how_far_it_is(monkeypatch: pytest.MonkeyPatch) -> 
     paper = a_pipe(monkeypatch)
     monkeypatch.setattr("star_basics.live_view.ESTIMATE_AFTER", 0.0)
     progress = FlightProgress(lambda: 20.0)
-    progress.star_mission_started(flight(1))
+    progress.star_mission_started(flight(1), Operator())
     progress.star_ticked(tick(1, time=12.4))
     text = str(progress._progress)
     progress.star_mission_ended({})
@@ -155,7 +156,7 @@ def test_how_long_a_flight_takes_is_not_estimated_in_a_short_one() -> None:
         raise AssertionError
 
     progress = FlightProgress(estimate)
-    progress.star_mission_started(flight(1))
+    progress.star_mission_started(flight(1), Operator())
     progress.star_ticked(tick(1))
     progress.star_mission_ended({})
 
@@ -320,6 +321,12 @@ def test_what_cannot_be_known_is_left_out() -> None:
 )
 def test_what_is_known_is_reported_with_its_unit(changes: Mapping[str, Any], line: str) -> None:
     assert line in format_summary(summary(**changes), None).splitlines()
+
+
+def test_own_observers_are_not_the_slowest_plugin() -> None:
+    spent = {"observer star-swarm:view:view": 30.0, "a": 21.0}
+    changes = {"realtime_factor": 0.31, "wall_time_s": 40.0, "compute_s": spent}
+    assert "  slowest plugin    a, 21.0 of" in format_summary(summary(**changes), None)
 
 
 @pytest.mark.parametrize(
