@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
-from typing import Final
+from collections.abc import Callable
+from functools import partial
+from typing import Any, Final
 
 import numpy as np
 
@@ -23,7 +25,57 @@ MIN_STEP = 1e-9  # m, shorter steps count as this long
 
 # Velocity errors along each axis of the body: constant, and by a gyro whose bias wanders.
 VELOCITY_STD = np.array([0.004, 0.0058])  # m/s
+VELOCITY_VARIANCE = VELOCITY_STD**2
 VELOCITY_RATE = np.array([0.0, 1 / 30.0])  # 1/s, one over the correlation time
+
+
+def follow_move(
+    row: Any,
+    deviations: Array,
+    position: Array,
+    last: Array,
+    begin: tuple[Array, Array],
+    state: tuple[Any, Array, Array, Array],
+    period: float,
+    elapsed: float,
+) -> None:
+    """Add a move to the state of `Drift`, which is changed.
+
+    It is plain arithmetic: flights compile it for one row after the other.
+
+    Args:
+        row: Of the agent; or ``slice(None)``, for all of them.
+        deviations: (N, 3, 2) output: one standard deviation of each constant error, m.
+        position: (N, 3) m.
+        last: (N, 2) positions before the move, m; changed to those after it.
+        begin: (N, 2) starts, and (N,) their heights, m.
+        state: (N, 2) coupling, m²/s, complex; (N,) variance walked, m²; (N, 2) moment, m s; and
+            (N, 2, 2) variance by texture, m².
+        period: Time since the last move, s.
+        elapsed: Time since the first, s.
+    """
+    (start, ground), (coupling, walked, moment, texture) = begin, state
+    x, y = position[row, 0] - last[row, 0], position[row, 1] - last[row, 1]
+    last[row, 0], last[row, 1] = position[row, 0], position[row, 1]
+    moment[row, 0] += elapsed * x
+    moment[row, 1] += elapsed * y
+    rough = TEXTURE / np.maximum(np.hypot(x, y), MIN_STEP)
+    texture[row, 0, 0] += rough * x * x
+    texture[row, 0, 1] += rough * x * y
+    texture[row, 1, 0] += rough * y * x
+    texture[row, 1, 1] += rough * y * y
+    walked[row] += 2 * period * (coupling[row, 0].real + coupling[row, 1].real)
+    height = np.maximum(position[row, 2] - ground[row], LEAST_HEIGHT)
+    walked[row] += period * NOISE * (height * height)
+    x, y = position[row, 0] - start[row, 0], position[row, 1] - start[row, 1]
+    deviations[row, 0, 0], deviations[row, 0, 1] = SCALE * x, SCALE * y
+    deviations[row, 1, 0] = -(START_YAW * y)  # turned by 90°, as the next
+    deviations[row, 1, 1] = START_YAW * x
+    deviations[row, 2, 0] = -(YAW_BIAS * moment[row, 1])
+    deviations[row, 2, 1] = YAW_BIAS * moment[row, 0]
+
+
+_FOLLOW_ALL = partial(follow_move, slice(None))
 
 
 class Drift:
@@ -47,12 +99,14 @@ class Drift:
     Args:
         start: (N, 3) initial positions, map frame, m.
         yaw: (N,) initial headings, rad.
+        follow: Adds a move to the state of all agents, as `follow_move` does.
     """
 
-    def __init__(self, start: Array, yaw: Array) -> None:
+    def __init__(self, start: Array, yaw: Array, follow: Callable[..., None] = _FOLLOW_ALL) -> None:
+        self._follow = follow
         self._start: Array = start[:, :2].copy()
+        self._last = self._start.copy()
         self._ground = start[:, 2].copy()
-        self._last = self._start
         self._time: float | None = None
         self._began = 0.0
         self._yaw = yaw
@@ -75,27 +129,14 @@ class Drift:
             self._time = self._began = time
         period, elapsed = time - self._time, time - self._began
         self._time = time
-        horizontal = position[:, :2]
-        step = horizontal - self._last
-        self._last = horizontal
-        self._moment += elapsed * step
-        length = np.maximum(np.hypot(step[:, 0], step[:, 1]), MIN_STEP)
-        self._texture += (TEXTURE / length)[:, None, None] * step[:, :, None] * step[:, None]
-        self._coupling *= np.exp(
-            -period * VELOCITY_RATE - 1j * (yaw - self._yaw)[:, None]  # of any turns: 2 pi is none
-        )
-        self._coupling += period * VELOCITY_STD**2
-        coupling = self._coupling.real
-        self._walked += 2 * period * (coupling[:, 0] + coupling[:, 1])
-        height = np.maximum(position[:, 2] - self._ground, LEAST_HEIGHT)
-        self._walked += period * NOISE * height**2
+        turn = -1j * (yaw - self._yaw)[:, None]  # of any turns: 2 pi is none
+        self._coupling *= np.exp(turn - period * VELOCITY_RATE)
+        self._coupling += period * VELOCITY_VARIANCE
         self._yaw = yaw
-        away = horizontal - self._start
-        deviations = np.empty((len(away), 3, 2))  # m, one standard deviation of each constant error
-        deviations[:, 0] = SCALE * away
-        for row, across in (1, START_YAW * away), (2, YAW_BIAS * self._moment):
-            deviations[:, row, 0] = -across[:, 1]  # turned by 90°
-            deviations[:, row, 1] = across[:, 0]
+        deviations = np.empty((len(position), 3, 2))
+        state = self._coupling, self._walked, self._moment, self._texture
+        begin = self._start, self._ground
+        self._follow(deviations, position, self._last, begin, state, period, elapsed)
         covariance = np.zeros((len(position), 3, 3))
         covariance[:, :2, :2] = self._texture + deviations.swapaxes(1, 2) @ deviations
         level = START**2 + self._walked
@@ -123,9 +164,11 @@ class NoDrift:
         return self._covariance.copy()
 
 
-def drift_of(scene: Scene, start: Array, yaw: Array) -> Drift | NoDrift:
+def drift_of(
+    scene: Scene, start: Array, yaw: Array, follow: Callable[..., None] = _FOLLOW_ALL
+) -> Drift | NoDrift:
     """Return the drift of a scene's agents from (N, 3) starts, m, with (N,) headings, rad."""
-    return NoDrift(len(start)) if scene.exact_odometry else Drift(start, yaw)
+    return NoDrift(len(start)) if scene.exact_odometry else Drift(start, yaw, follow)
 
 
 def expected_std(

@@ -7,6 +7,7 @@ import numpy as np
 from star_core import Estimate, Scene, Telemetry, Transform
 from star_core.toolkit import frozen, wrap_angle
 from star_flow.drift import ArtificialError, drift_of
+from star_flow.kernel import follow_moves, warm_up
 from star_flow.target_sightings import TargetSightings
 
 
@@ -40,19 +41,21 @@ class Flow:
         )
         self._reckoned = self._position = self._map_from_odom.translation
         self._yaw = self._map_from_odom.yaw
-        self._drift = drift_of(scene, self._reckoned, self._yaw)
+        self._drift = drift_of(scene, self._reckoned, self._yaw, follow_moves)
+        warm_up()
         self._targets = TargetSightings(scene, latency=latency)
 
     def locate(self, telemetry: Telemetry) -> Estimate:
         reckoned = self._map_from_odom.apply(telemetry.position)
         velocity = self._map_from_odom.turn(telemetry.velocity)
         yaw = wrap_angle(telemetry.heading + self._map_from_odom.yaw)
-        finite = np.isfinite(reckoned.sum(axis=1) + velocity.sum(axis=1) + yaw)
         error = self._error.at(telemetry.time)
-        if np.count_nonzero(finite) == len(finite):
+        valid = telemetry.age <= self._max_report_age
+        if all(np.isfinite(values).all() for values in (reckoned, velocity, yaw)):
             self._reckoned, self._position, self._yaw = reckoned, reckoned + error, yaw
         else:
-            column = finite[:, None]
+            finite = np.isfinite(reckoned.sum(axis=1) + velocity.sum(axis=1) + yaw)
+            column, valid = finite[:, None], valid & finite
             self._reckoned = np.where(column, reckoned, self._reckoned)
             self._position = np.where(column, self._reckoned + error, self._position)
             self._yaw, velocity = np.where(finite, yaw, self._yaw), np.where(column, velocity, 0.0)
@@ -64,7 +67,7 @@ class Flow:
             velocity=frozen(velocity),
             yaw=frozen(self._yaw),
             covariance=frozen(covariance),
-            valid=frozen(finite & (telemetry.age <= self._max_report_age)),
+            valid=frozen(valid),
             map_from_odom=self._map_from_odom,
             sightings=self._targets.locate(
                 telemetry, self._map_from_odom, self._position, covariance

@@ -132,11 +132,10 @@ def remaining_distance(position: Array, goal: Array, paths: Paths) -> Array:
     rows = paths.agent
     if not len(rows):
         return distance
-    before = np.roll(paths.point, 1, axis=0)
-    first = np.roll(rows, 1) != rows
-    first[0] = True
-    before[first] = position[rows[first]]
-    along = np.zeros(len(distance))
-    np.add.at(along, rows, np.linalg.norm(paths.point - before, axis=1))
+    before = position[rows]  # where the path of an agent begins, otherwise the point before
+    same = np.flatnonzero(rows[1:] == rows[:-1])
+    before[same + 1] = paths.point[same]
+    step = paths.point - before
+    along = np.bincount(rows, np.sqrt(np.vecdot(step, step)), len(distance))
     distance[rows] = along[rows]
     return distance

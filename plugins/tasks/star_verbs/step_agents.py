@@ -80,13 +80,17 @@ class StepAgents:
             point: (K, 3) their positions, m; the same ones in every tick until `depart`.
             within: Distance at which an agent has arrived, m.
         """
-        away = estimate.position[self.rows] - point
-        distance = np.where(estimate.valid[self.rows], np.sqrt(np.vecdot(away, away)), np.inf)
-        velocity = estimate.velocity[self.rows]
-        rests = np.vecdot(velocity, velocity) < MAX_REST_SPEED**2
+        rows = self.rows
+        away = estimate.position[rows] - point
+        distance = np.sqrt(np.vecdot(away, away))
+        distance[~estimate.valid[rows]] = np.inf
+        near = distance <= within
+        if np.count_nonzero(near):
+            velocity = estimate.velocity[rows]
+            near &= np.vecdot(velocity, velocity) < MAX_REST_SPEED**2
         self._arrived &= distance <= MAKES_WAY * within
-        self._arrived |= (distance <= within) & rests
-        return bool(self._arrived.all())
+        self._arrived |= near
+        return int(np.count_nonzero(self._arrived)) == len(rows)
 
     def depart(self) -> None:
         """Note that their positions change: none of them has arrived."""

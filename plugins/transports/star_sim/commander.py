@@ -26,10 +26,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from star_core import Array, Command, Order, Rows, Setpoint
+from star_core import Array, Command, Order, Rows
 from star_core.toolkit import polynomial, wrap_angle
 from star_sim.airframe import CYCLE
-from star_sim.compiled import Record, compiled
+from star_sim.compiled import Record, compiled, kernel
 from star_sim.drone import DEMAND, OFF, TRAJECTORY, VELOCITY, Drones
 from star_sim.position import wrap
 
@@ -173,15 +173,29 @@ def obey(drones: Drones, command: Command, now: float) -> None:
         drones["mode"][rows] = TRAJECTORY
 
 
-def take(drones: Drones, setpoint: Setpoint, now: float) -> None:
-    """Fly the velocities of a setpoint's active rows from mission time `now`, s, on."""
-    rows = np.flatnonzero(setpoint.active & (drones["locked"] == 0) & (drones["crashed"] == 0))
-    drones["reference_velocity"][rows] = setpoint.velocity[rows]
-    drones["reference_acceleration"][rows] = 0.0
-    drones["reference_yaw"][rows] = setpoint.yaw[rows]
-    drones["setpoint_time"][rows] = now
-    drones["finished"][rows[drones["mode"][rows] == TRAJECTORY]] = 1
-    drones["mode"][rows] = VELOCITY
+@kernel
+def take(drones: Drones, velocity: Array, yaw: Array, active: Mask, now: float) -> None:
+    """Fly the setpoints of the active rows from mission time `now`, s, on.
+
+    Args:
+        drones: (N,) records.
+        velocity: (N, 3) m/s.
+        yaw: (N,) rad.
+        active: (N,) which of these are flown.
+        now: s.
+    """
+    for row in range(len(active)):
+        drone = drones[row]
+        if not active[row] or drone.locked != 0 or drone.crashed != 0:
+            continue
+        for axis in range(3):
+            drone.reference_velocity[axis] = velocity[row, axis]
+            drone.reference_acceleration[axis] = 0.0
+        drone.reference_yaw = yaw[row]
+        drone.setpoint_time = now
+        if drone.mode == TRAJECTORY:
+            drone.finished = 1
+        drone.mode = VELOCITY
 
 
 def _reference(drones: Drones, rows: Rows) -> tuple[Array, Array, Array, Array]:

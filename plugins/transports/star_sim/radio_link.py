@@ -9,11 +9,11 @@ from typing import Final
 
 import numpy as np
 
-from star_core import Array, Mask, Rows
-from star_core.toolkit import quaternion_from_euler
+from star_core import Array, Mask
 from star_sim.airframe import CYCLE, NEVER, STEP
 from star_sim.error_profile import ErrorProfile
 from star_sim.estimator import SAMPLE
+from star_sim.reports import describe
 
 _STREAM: Final = 7336
 
@@ -31,6 +31,7 @@ class RadioLink:
 
     Attributes:
         next_step: Number of the step of 2 ms before which a packet arrives next, or `NEVER`.
+        newest: (N, SAMPLE) the last sample that arrived from each drone.
     """
 
     def __init__(self, profile: ErrorProfile, seed: int, agents: int) -> None:
@@ -38,7 +39,7 @@ class RadioLink:
         self._random = np.random.default_rng([seed, _STREAM])
         self._packets: deque[tuple[int, Callable[[], None]]] = deque()
         self._late: list[Array] = []  # rows of samples that have not arrived, (N, SAMPLE)
-        self._newest = np.zeros((agents, SAMPLE))
+        self.newest = np.zeros((agents, SAMPLE))
         self.next_step = NEVER
 
     def send(self, step: int, effect: Callable[[], None]) -> None:
@@ -57,22 +58,19 @@ class RadioLink:
             self._packets.popleft()[1]()
         self.next_step = self._packets[0][0] if self._packets else NEVER
 
-    def receive(self, samples: Array) -> tuple[Rows, Array]:
-        """Return the samples that arrive: (K,) rows of their agents, and (K, SAMPLE).
+    def receive(self, samples: list[Array]) -> tuple[Array, Mask]:
+        """Return the samples that are due, (cycles, N, SAMPLE), and which of them arrive.
 
         Args:
-            samples: (cycles, N, SAMPLE) of the drones since the last call.
+            samples: (N, SAMPLE) of the drones, one for each cycle since the last call.
         """
-        self._late.extend(samples)
+        self._late += samples
         count = max(0, len(self._late) - round(self._profile.report_delay / CYCLE))
-        arriving, self._late = self._late[:count], self._late[count:]
-        if not arriving:
-            return np.zeros(0, np.int64), np.zeros((0, SAMPLE))
-        table = np.array(arriving)
-        heard = self._random.random(table.shape[:2]) >= self._profile.report_loss
-        agent, samples = np.nonzero(heard)[1], table[heard]
-        self._newest[agent] = samples  # of several from one agent, the last
-        return agent, samples
+        due, self._late = self._late[:count], self._late[count:]
+        if not due:
+            return np.zeros((0, *self.newest.shape)), np.zeros((0, len(self.newest)), np.bool_)
+        heard = self._random.random((count, len(self.newest))) >= self._profile.report_loss
+        return np.array(due), heard
 
     def reports(self, now: float) -> tuple[Array, Array, Array, Array, Array]:
         """Return the newest state heard of each agent, in its odometry frame.
@@ -84,12 +82,9 @@ class RadioLink:
             (N, 3) position, m; (N, 3) velocity, m/s; (N, 4) attitude as a unit quaternion x, y, z,
             w; (N,) age, s; (N, 2) specific force along x and y of the body, m/s².
         """
-        newest = self._newest
-        time, ahead, aside, _, _, roll, pitch, z, x, y, yaw = newest[:, :11].T
-        cos, sin = np.cos(yaw), np.sin(yaw)
-        velocity, position = newest[:, 1:4].copy(), np.empty((len(newest), 3))
-        velocity[:, 0], velocity[:, 1] = cos * ahead - sin * aside, sin * ahead + cos * aside
-        position[:, 0], position[:, 1], position[:, 2] = x, y, z
-        attitude = quaternion_from_euler(roll, pitch, yaw)
-        age = np.maximum(0.0, math.floor(now / CYCLE + 1e-6) * CYCLE - time)
-        return position, velocity, attitude, age, newest[:, 11:].copy()
+        n = len(self.newest)
+        position, velocity, attitude = np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 4))
+        age, force = np.empty(n), np.empty((n, 2))
+        columns = (position, velocity, attitude, age, force)
+        describe(self.newest, math.floor(now / CYCLE + 1e-6) * CYCLE, *columns)
+        return columns

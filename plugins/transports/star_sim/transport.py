@@ -43,6 +43,7 @@ from star_sim.kernel import BLOCK, advance, report
 from star_sim.pieces import Piece, Queue, pieces_of
 from star_sim.positioning import Positioning
 from star_sim.radio_link import RadioLink
+from star_sim.reports import arrive
 from star_sim.sensors import (
     TEXTURE_POINTS,
     WANDERING,
@@ -133,7 +134,8 @@ class Simulator:
         self.fusion = Fusion(n)
         self._normals = np.zeros((BLOCK, n, 4))
         self._samples = np.zeros((BLOCK, n, SAMPLE))
-        self._arrived: list[Array] = []  # (cycles, N, SAMPLE) since the last call of `receive`
+        self._arrived: list[Array] = []  # (N, SAMPLE) of each cycle since the last `receive`
+        self._newest = np.zeros((n, SAMPLE))  # sample of each drone
         self._wander = Wander(profile, scene.seed, n) if noise and profile.imu else None
         # (BLOCK, N, WANDERING) errors of the current block.
         self._imu = None if self._wander is None else np.zeros((BLOCK, n, WANDERING))
@@ -167,6 +169,8 @@ class Simulator:
     def connect(self) -> None:
         """Compile the inner loop before the first tick."""
         self._advance(0)
+        still = Setpoint.none(len(self.drones))
+        commander.take(self.drones, still.velocity, still.yaw, still.active, 0.0)
         if self._cameras is not None:
             self._cameras.compile(self.drones)
         self.receive()
@@ -207,7 +211,7 @@ class Simulator:
             rows = self._step // STEPS_PER_CYCLE - cycle
             if rows:
                 first = cycle % BLOCK
-                self._arrived.append(self._samples[first : first + rows].copy())
+                self._arrived.extend(self._samples[first : first + rows].copy())
         now = self._step * STEP
         if self._swap_time is not None:
             self._replace_batteries(now, self._swap_time)
@@ -219,7 +223,9 @@ class Simulator:
         attitude, state = np.empty((n, 4)), np.empty(n, np.int64)
         now = self._step * STEP
         report(drones, now, attitude, state)
-        state[self._queue.coming_down()] |= int(Supervisor.COMMANDER_FINISHED)
+        coming_down = self._queue.coming_down()
+        if np.count_nonzero(coming_down):
+            state[coming_down] |= int(Supervisor.COMMANDER_FINISHED)
         odometry = self._odometry()
         if self._link is not None:
             position, velocity, attitude, age, force = self._link.reports(now)
@@ -294,12 +300,11 @@ class Simulator:
         rows = (setpoint.active & ~finite).nonzero()[0]
         if len(rows):
             raise ContractError(f"the setpoint of {self._scene.named(rows)} is not finite")
-        heard = setpoint
+        active = setpoint.active
         if self._link is not None:
-            active = self._link.heard(setpoint.active)
-            if active is not setpoint.active:
-                heard = Setpoint(setpoint.velocity, setpoint.yaw, active)
-        self._send(lambda: commander.take(self.drones, heard, self._step * STEP))
+            active = frozen(self._link.heard(active))
+        velocity, yaw = setpoint.velocity, setpoint.yaw
+        self._send(lambda: commander.take(self.drones, velocity, yaw, active, self._step * STEP))
         return setpoint
 
     def truth(self) -> Truth | None:
@@ -365,24 +370,21 @@ class Simulator:
         drones["voltage"][replaced] = VOLTAGE_OF_CHARGE[-1]
 
     def _odometry(self) -> Odometry:
-        if not self._arrived:
-            return Odometry.none()
-        table = np.concatenate(self._arrived)
-        self._arrived.clear()
+        samples, self._arrived = self._arrived, []
         if self._link is not None:
-            agent, rows = self._link.receive(table)
+            newest = self._link.newest
+            table, heard = self._link.receive(samples)
         else:
-            cycles, n, _ = table.shape
-            agent, rows = np.tile(np.arange(n), cycles), table.reshape(cycles * n, SAMPLE)
-        return Odometry(
-            agent=frozen(agent),
-            time=frozen(rows[:, 0].copy()),
-            velocity=frozen(rows[:, 1:4].copy()),
-            yaw_rate=frozen(rows[:, 4].copy()),
-            roll=frozen(rows[:, 5].copy()),
-            pitch=frozen(rows[:, 6].copy()),
-            height=frozen(rows[:, 7].copy()),
-        )
+            newest = self._newest
+            table = np.array(samples).reshape(len(samples), *newest.shape)
+            heard = np.ones(table.shape[:2], np.bool_)
+        k = np.count_nonzero(heard)
+        agent, time, velocity = np.empty(k, np.int64), np.empty(k), np.empty((k, 3))
+        rates = np.empty(k), np.empty(k), np.empty(k), np.empty(k)
+        arrive(table, heard, newest, agent, time, velocity, rates)
+        for values in (agent, time, velocity, *rates):
+            frozen(values)
+        return Odometry(agent, time, velocity, *rates)
 
 
 class Pace:
