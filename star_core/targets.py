@@ -6,7 +6,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from star_core.messages.arrays import Rows
+from star_core.messages.arrays import Rows, frozen
 from star_core.messages.telemetry import Sightings
 from star_core.scene import Scene
 
@@ -34,7 +34,7 @@ class Targets:
         self._off = np.zeros((len(self.names), 3))  # m, sum of weighted errors
         self._weight = np.zeros(len(self.names))  # 1/m²
         self._when = np.full(len(self.names), np.nan)
-        self.finder: Rows = np.full(len(self.names), -1)
+        self.finder: Rows = frozen(np.full(len(self.names), -1))
 
     def add(self, sightings: Sightings, time: float) -> list[tuple[str, str]]:
         """Add sightings; return the names of targets found now, and of their finders.
@@ -54,8 +54,9 @@ class Targets:
             self._off[target] += (sightings.position[k] - self._position[tag]) / spread
             self._weight[target] += 1 / spread
             if self.finder[target] < 0 and self._sightings[target, agent] >= MIN_SIGHTINGS:
-                self.finder = self.finder.copy()
-                self.finder[target] = agent
+                finder = self.finder.copy()
+                finder[target] = agent
+                self.finder = frozen(finder)
                 self._when[target] = time
                 new.append((self.names[target], self._scene.agents[agent].name))
         return new

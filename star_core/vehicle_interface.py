@@ -121,11 +121,10 @@ class VehicleInterface:
     def track(self, telemetry: Telemetry, estimate: Estimate) -> Health:
         """Update the phases of the agents and the targets they found; return their health."""
         self.estimate = estimate
-        heard = telemetry.age <= MAX_REPORT_AGE
         self.ground.observe(self.time, telemetry)
         finished = telemetry.state & COMMANDER_FINISHED != 0
         settled = self._settled(finished, estimate)
-        self.phases.observe(telemetry.state, heard, estimate.valid, settled)
+        self.phases.observe(telemetry.state, self._heard, estimate.valid, settled)
         if telemetry.rebooted is not None and telemetry.rebooted.any():
             self._ground(telemetry.rebooted)
         finished &= self.time >= self._until  # earlier it refers to the previous command
@@ -133,7 +132,7 @@ class VehicleInterface:
         if len(estimate.sightings.tag):
             for target, finder in self.targets.add(estimate.sightings, self.time):
                 self._observers.event("found", f"{finder} found {target!r}", finder)
-        health = Health(
+        health = Health.made(
             self.phases.of_agents(), telemetry.battery, telemetry.age, self.targets.finder
         )
         self.report_phases()
@@ -151,10 +150,10 @@ class VehicleInterface:
         """
         active = frozen(self.steered(estimate))
         if every(planned.active):
-            return Setpoint(planned.velocity, planned.yaw, active)
+            return Setpoint.made(planned.velocity, planned.yaw, active)
         velocity = np.where(planned.active[:, None], planned.velocity, 0.0)
         yaw = np.where(planned.active, planned.yaw, estimate.yaw)
-        return Setpoint(frozen(velocity), frozen(yaw), active)
+        return Setpoint.made(frozen(velocity), frozen(yaw), active)
 
     def steered(self, estimate: Estimate) -> Mask:
         """Return which agents setpoints fly: (N,)."""
@@ -164,7 +163,7 @@ class VehicleInterface:
         """Send a setpoint, with zero velocity for agents that must brake; return what was sent."""
         setpoint = self._with_brakes(setpoint, telemetry, estimate)
         to_map = estimate.map_from_odom
-        odom = Setpoint(
+        odom = Setpoint.made(
             frozen(to_map.turn_back(setpoint.velocity)),
             frozen(setpoint.yaw - to_map.yaw),
             setpoint.active,

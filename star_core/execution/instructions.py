@@ -87,9 +87,8 @@ class GoalDraft:
 
     def finish(self) -> Goals:
         """Return the goals, which do not change any more."""
-        for column in (self.position, self._velocity, self._yaw, self._speed, self.active):
-            frozen(column)
-        return self.goals()
+        columns = self.position, self._velocity, self._yaw, self._speed, self.active
+        return Goals.made(*map(frozen, columns))
 
 
 def hold(goals: Goals, flying: Mask, estimate: Estimate, speed: float) -> Goals:
@@ -124,7 +123,11 @@ class Draft:
         self.free = {*instructions.free}
 
     def add(
-        self, answer: object, members: Mask, trajectories: Collection[Trajectory] = ()
+        self,
+        answer: object,
+        members: Mask,
+        trajectories: Collection[Trajectory] = (),
+        check: GoalCheck | None = None,
     ) -> TaskOutput:
         """Merge a task's output, which may be about its own agents only, and return it.
 
@@ -132,6 +135,7 @@ class Draft:
             answer: The output.
             members: (N,) the task's agents.
             trajectories: Those that have been uploaded.
+            check: Of the task's goals.
 
         Raises:
             ContractError: It is no `TaskOutput`, is about others, has another number of rows, is
@@ -144,7 +148,7 @@ class Draft:
             _check_command(require_type(command, Command), members, trajectories)
         if output.goals is not None:
             goals = require_type(output.goals, Goals)
-            self.goals.take(goals, _checked_rows(goals, members))
+            self.goals.take(goals, (check or GoalCheck()).rows(goals, members))
         self.commands += output.commands
         return output
 
@@ -157,6 +161,22 @@ class Draft:
             frozenset(self.leave),
             frozenset(self.free),
         )
+
+
+class GoalCheck:
+    """Checks the goals of a task, but not those that it returns again: tables do not change."""
+
+    def __init__(self) -> None:
+        self._goals: Goals | None = None
+        self._members: Mask | None = None
+        self._rows: Rows
+
+    def rows(self, goals: Goals, members: Mask) -> Rows:
+        """Return the rows of the agents that have goals, which may be `members`, (N,), only."""
+        if goals is not self._goals or members is not self._members:
+            self._rows = _checked_rows(goals, members)
+            self._goals, self._members = goals, members
+        return self._rows
 
 
 def _checked_rows(goals: Goals, members: Mask) -> Rows:

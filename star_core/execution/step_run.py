@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Final, Self, TypeAlias
 
 import numpy as np
@@ -20,7 +20,7 @@ from star_core.contracts import (
 )
 from star_core.errors import ContractError, shortlist
 from star_core.execution.assignments import Assignments, Team
-from star_core.execution.instructions import Draft
+from star_core.execution.instructions import Draft, GoalCheck
 from star_core.messages.commands import Trajectory
 from star_core.messages.state import AgentPhase, Estimate, Goals, Health
 from star_core.mission import Action, Mission, actions
@@ -143,6 +143,7 @@ class StepRun:
         begun: Mission time at which it began, s.
         entry: Of ``steps`` in ``summary.json``.
         shared: With the other steps.
+        goal_check: Of its goals.
     """
 
     action: Action
@@ -155,6 +156,7 @@ class StepRun:
     begun: float
     entry: dict[str, Any]
     shared: Execution
+    goal_check: GoalCheck = field(default_factory=GoalCheck)
 
     @classmethod
     def begin(
@@ -193,6 +195,7 @@ class StepRun:
                 self.task.step(tick.estimate, tick.health),
                 self.team.members,
                 self.shared.tasks.trajectories,
+                self.goal_check,
             ),
             TaskOutput,
         )

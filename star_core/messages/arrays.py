@@ -122,7 +122,7 @@ class Table:
                     continue
                 array = _freeze(self, name, dtype)
             shape = array.shape
-            if not shape or shape[1:] != row:
+            if shape[1:] != row if row else len(shape) != 1:
                 raise _wrong_shape(self, name, shape, row)
             if shape[0] != rows and not per:
                 equal = equal and rows < 0
@@ -136,6 +136,18 @@ class Table:
         names = [*(column.name for column in self.COLUMNS if not column.per), *self.COUNTED]
         values = {name: getattr(self, name) for name in names}
         return {name: _rows_of(values[name]) for name in names if values[name] is not None}
+
+    @classmethod
+    def made(cls, *values: Any) -> Self:
+        """Return a table of the core's own, which is not checked: its arrays are frozen and fit.
+
+        Args:
+            values: Of all fields, in their order.
+        """
+        made = object.__new__(cls)
+        for name, value in zip(cls.__slots__, values, strict=True):
+            object.__setattr__(made, name, value)
+        return made
 
     @classmethod
     def none(cls, n: int = 0) -> Self:

@@ -30,15 +30,18 @@ def position_margin(covariance: Array, deviations: float, radius: float) -> Arra
     """
     if deviations == 0.0:
         return np.zeros(len(covariance))
-    margin: Array = np.fmin(deviations * _deviation(covariance), MAX_MARGIN_RATIO * radius)
+    std = deviations * position_deviation(covariance)
+    margin: Array = np.fmin(std, MAX_MARGIN_RATIO * radius)
     return margin
 
 
 _last: tuple[Array, Array] | None = None  # a covariance that is read-only, and its deviations
 
 
-def _deviation(covariance: Array) -> Array:
+def position_deviation(covariance: Array) -> Array:
     """Return the standard deviation in the horizontal direction of the greatest one, (N,) m.
+
+    It is infinite where the covariance is not finite.
 
     Several stages of a tick need it of the same table.
     """
@@ -48,7 +51,7 @@ def _deviation(covariance: Array) -> Array:
     xx, xy, yy = covariance[:, 0, 0], covariance[:, 0, 1], covariance[:, 1, 1]
     with np.errstate(invalid="ignore"):  # some are not finite
         variance = (xx + yy) / 2 + np.hypot((xx - yy) / 2, xy)  # the greater eigenvalue
-        deviation = np.sqrt(np.maximum(variance, 0.0))
+        deviation: Array = np.fmin(np.sqrt(np.maximum(variance, 0.0)), np.inf)
     if not covariance.flags.writeable and covariance.base is None:
         _last = covariance, deviation
     return deviation

@@ -51,10 +51,11 @@ class EstimateMonitor:
         Agents whose frames are not finite have the last known ones.
         """
         estimate, telemetry, airborne = state.estimate, state.telemetry, state.airborne
-        if not estimate.map_from_odom.all_known:
-            frames = estimate.map_from_odom.where(estimate.map_from_odom.known, self._frames)
-            estimate = replace(estimate, map_from_odom=frames)
-        self._frames = estimate.map_from_odom
+        if estimate.map_from_odom is not self._frames:
+            if not estimate.map_from_odom.all_known:
+                frames = estimate.map_from_odom.where(estimate.map_from_odom.known, self._frames)
+                estimate = replace(estimate, map_from_odom=frames)
+            self._frames = estimate.map_from_odom
         heard = telemetry.age <= MAX_REPORT_AGE
         accepted = estimate
         if not self._gate.accepts(estimate, telemetry, airborne, heard):
@@ -67,14 +68,14 @@ class EstimateMonitor:
         dragged = self._drag.check(telemetry, airborne, tilts)
         self._motion.correct(self._drag.missing)
         self.sees_no_motion = tilts
-        contradicted = tilts | dragged
-        for row in (contradicted & ~self._contradicted).nonzero()[0].tolist():
-            by = "tilt" if tilts[row] else "drag"
-            text = f"{self._names[row]} brakes: it flies faster than it reports, by its {by}"
-            text += "; does its flow sensor see the floor?"
-            yield Report("estimate", text, self._names[row])
+        contradicted, before = tilts | dragged, self._contradicted
         self._contradicted = contradicted
         if some(contradicted):
+            for row in (contradicted & ~before).nonzero()[0].tolist():
+                by = "tilt" if tilts[row] else "drag"
+                text = f"{self._names[row]} brakes: it flies faster than it reports, by its {by}"
+                text += "; does its flow sensor see the floor?"
+                yield Report("estimate", text, self._names[row])
             away, faster = map(accepted.map_from_odom.turn, self._errors())
             accepted = replace(
                 accepted,

@@ -127,7 +127,7 @@ class SafetyFilter:
             self._vertical_separation,
             self._period,
         )
-        return Setpoint(frozen(velocity), frozen(yaw), planned.active), Corrected(*changed)
+        return Setpoint.made(frozen(velocity), frozen(yaw), planned.active), Corrected(*changed)
 
     def _warm_up(self, agents: int) -> None:
         """Compile the kernels, or load them from disk, before the flight."""

@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from star_core.messages.arrays import Array, Mask, Rows, some
-from star_core.messages.position_margin import position_margin
+from star_core.messages.position_margin import position_deviation
 from star_core.messages.state import Estimate, Goals, Setpoint
 from star_core.safety.monitors import Exclude, SafetyAction, TickState, Use
 from star_core.safety.monitors import Stage as TickStage
@@ -137,7 +137,7 @@ class UncertainAgents:
 
     def _updated_std(self, estimate: Estimate, steered: Mask) -> Array:
         """Return the standard deviations in the plane, (N,) m; note which were just corrected."""
-        std = position_margin(estimate.covariance, 1.0, math.inf)
+        std = position_deviation(estimate.covariance)
         corrected = steered & (std < CORRECTION_RATIO * self._std)
         if some(corrected):
             self._corrected_at[corrected] = estimate.position[corrected, :2]

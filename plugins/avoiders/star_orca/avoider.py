@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from star_core import Array, Estimate, Mask, Scene, Setpoint, Transform
-from star_core.toolkit import position_margin, with_possible_positions
+from star_core.toolkit import frozen, position_margin, with_possible_positions
 from star_orca.kernel import orca
 from star_orca.outlines import outlines
 
@@ -130,11 +130,13 @@ class Orca:
             self._vertical,
             self._apart_in,
             TURN,
-        )[:n]
+        )
+        if more:
+            result = result[:n].copy()
         if self._response > 0.0:
             self._limit_acceleration(result, estimate.velocity, avoids)
         self._last_setpoint, self._has_setpoint = result, avoids
-        return replace(wanted, velocity=result)
+        return Setpoint(frozen(result), wanted.yaw, wanted.active)
 
     def _limit_acceleration(self, answer: Array, flown: Array, avoids: Mask) -> None:
         """Bring horizontal velocities to within the greatest change of the current ones, in place.
@@ -165,7 +167,7 @@ class Orca:
             missing = velocity - target
             position += self._response * (target + (1 - REMAINING) * missing)
             velocity = target + REMAINING * missing
-        return np.ascontiguousarray(position), np.ascontiguousarray(velocity)
+        return position, velocity
 
     def _warm_up(self, scene: Scene) -> None:
         n = len(scene.agents)

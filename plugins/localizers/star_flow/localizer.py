@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from star_core import Estimate, Scene, Telemetry, Transform
+from star_core import Array, Estimate, Scene, Telemetry, Transform
 from star_core.toolkit import frozen, wrap_angle
 from star_flow.drift import ArtificialError, drift_of
 from star_flow.kernel import follow_moves, warm_up
@@ -51,7 +51,7 @@ class Flow:
         yaw = wrap_angle(telemetry.heading + self._map_from_odom.yaw)
         error = self._error.at(telemetry.time)
         valid = telemetry.age <= self._max_report_age
-        if all(np.isfinite(values).all() for values in (reckoned, velocity, yaw)):
+        if _all_finite(reckoned) and _all_finite(velocity) and _all_finite(yaw):
             self._reckoned, self._position, self._yaw = reckoned, reckoned + error, yaw
         else:
             finite = np.isfinite(reckoned.sum(axis=1) + velocity.sum(axis=1) + yaw)
@@ -73,3 +73,7 @@ class Flow:
                 telemetry, self._map_from_odom, self._position, covariance
             ),
         )
+
+
+def _all_finite(values: Array) -> bool:
+    return int(np.count_nonzero(np.isfinite(values))) == values.size

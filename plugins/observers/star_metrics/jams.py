@@ -48,7 +48,7 @@ class Jams:
     def add(self, tick: Tick) -> tuple[str, dict[str, Any]] | None:
         """Return text and details of the event of a jam that begins at a tick."""
         velocity = tick.estimate.velocity
-        if not np.isfinite(velocity).all():
+        if np.count_nonzero(np.isfinite(velocity)) < velocity.size:
             velocity = np.nan_to_num(velocity)
         self._flown = self._flown + (tick.time - self._time) * velocity[:, :2]
         self._time = tick.time

@@ -72,16 +72,18 @@ class PositionErrors:
 
     def _add(self, offset: Array, covariance: Array) -> None:
         """Add the (N, 3) errors of an estimate, m, with their (N, 3, 3) covariance, m²."""
-        counted = self._up & np.isfinite(offset).all(axis=1)
+        squared = np.vecdot(offset, offset)
+        counted = self._up & np.isfinite(squared)
         number = np.count_nonzero(counted)
         if not number:
             return
-        squared = np.vecdot(offset, offset)
         self._errors.append((counted, squared))
         every = number == len(counted)
         worst = max(squared.tolist()) if every else float(squared[counted].max())
         self._worst = max(self._worst, math.sqrt(worst))
-        self._offsets.append((offset[counted], covariance[counted]))
+        if not every:
+            offset, covariance = offset[counted], covariance[counted]
+        self._offsets.append((offset, covariance))
         if len(self._offsets) == NEES_BATCH:
             self._add_nees()
 

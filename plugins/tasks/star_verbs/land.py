@@ -12,8 +12,8 @@ from star_verbs.goto import Approach
 from star_verbs.step_agents import StepAgents
 
 MIN_DURATION: Final = 1.0  # s
-ON_GROUND: Final = (AgentPhase.GROUNDED, AgentPhase.LANDED)
-FLYING: Final = (AgentPhase.TAKING_OFF, AgentPhase.FLYING)
+GROUNDED, LANDED = int(AgentPhase.GROUNDED), int(AgentPhase.LANDED)
+TAKING_OFF, FLYING = int(AgentPhase.TAKING_OFF), int(AgentPhase.FLYING)
 MAX_HOME_DISTANCE: Final = 0.5  # m from its start at which a blocked agent lands
 BLOCKED_TIME: Final = 2.0  # s without `PROGRESS` after which an agent counts as blocked
 PROGRESS: Final = 0.02  # m
@@ -38,10 +38,10 @@ class Land:
     def step(self, estimate: Estimate, health: Health) -> TaskOutput:
         rows = self._agents.rows
         phase = health.phase[rows]
-        if np.isin(phase, ON_GROUND).all():
+        if ((phase == GROUNDED) | (phase == LANDED)).all():
             return TaskOutput(status=Status.SUCCESS)
-        up = np.isin(phase, FLYING)
-        if not up.any():
+        up = (phase == TAKING_OFF) | (phase == FLYING)
+        if not np.count_nonzero(up):
             return TaskOutput()
         floor = np.where(estimate.valid[rows, None], estimate.position[rows], 0.0)
         floor[:, 2] = 0.0
