@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from star_core import Array, Registry, Tick, fly, hookimpl, load
-from star_core.plugin_support.discovery import Source
+from star_core.discovery import Source
 
 PAIRS = 3  # in a flight
 UPPER, LOWER = 1.0, 0.6  # m

@@ -31,7 +31,7 @@ from typing import Any
 import numpy as np
 
 from star_core import Flight, Registry, Tick, fly, hookimpl, load
-from star_core.plugin_support.discovery import Source
+from star_core.discovery import Source
 from star_view.live_view import LiveView
 
 ROOT = Path(__file__).parents[1]

@@ -83,18 +83,6 @@ class Transport(Protocol):
 
 
 @runtime_checkable
-class Paced(Protocol):
-    """A transport that simulates at a pace, which changes nothing but the duration of the flight.
-
-    Attributes:
-        speed: Mission seconds per second of wall time; None is as fast as possible. It may be set
-            at any time, by any thread.
-    """
-
-    speed: float | None
-
-
-@runtime_checkable
 class Uploads(Protocol):
     """A transport whose agents fly trajectories on board; with another, such missions do not."""
 

@@ -8,6 +8,10 @@ lower case, has no full stop, shows values through ``!r``, and ends with its cod
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 MAX_LISTED = 10  # names of agents in a message
 
@@ -46,6 +50,49 @@ def printable(text: str) -> str:
     'a\\x1b[2J.yaml'
     """
     return "".join(c if c.isprintable() or c == "\n" else ascii(c)[1:-1] for c in text)
+
+
+class Problem(NamedTuple):
+    """A mistake in a file that its schema cannot detect.
+
+    Attributes:
+        path: Keys and indices from the plugin's options to the value; empty for the whole.
+        message: What is wrong and what was expected.
+        code: Identifies the kind of mistake, see `star_core.commands.error_codes`.
+        warning: Whether the mission can be flown all the same.
+    """
+
+    path: tuple[str | int, ...]
+    message: str
+    code: str = "invalid-option"
+    warning: bool = False
+
+
+class SourceFile(Protocol):
+    """A file as read, whose problems are reported with their locations."""
+
+    @property
+    def path(self) -> Path:
+        """The file, as the user named it."""
+
+    @property
+    def data(self) -> dict[str, Any]:
+        """The content: maps, lists, text, numbers, booleans and None."""
+
+    def problem(
+        self, path: tuple[str | int, ...], message: str, code: str = ..., *, key: bool = False
+    ) -> str:
+        """Return ``file:line:column: message [code]``.
+
+        Args:
+            path: Keys and indices from the top of the file to the value.
+            message: What is wrong and what was expected.
+            code: Identifies the kind of mistake.
+            key: Whether it is the key that is wrong.
+        """
+
+    def located(self, problems: Iterable[Problem]) -> list[str]:
+        """Return problems as one line each with its location, in the order of the file."""
 
 
 class StarError(Exception):
@@ -99,10 +146,6 @@ class ContractError(StarError):
     """A table or a return value that breaks its contract."""
 
     code = "contract-broken"
-
-    def among(self, _agents: int) -> str:
-        """Return the message for a swarm of some agents."""
-        return str(self)
 
 
 class CommandError(ContractError):

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from star_core.errors import Problem
 from star_core.formats import format_function
 from star_core.plugin_support.option_schema import fill_defaults
-from star_core.plugin_support.specs import Problem
-from star_core.registry import Registry
-from star_core.scene import Scene
+from star_core.plugin_support.registry import Registry
+from star_core.world.scene import Scene
 
 
 def make_inner(scene: Scene, kind: str, choice: str | Mapping[str, Any]) -> Any:

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Literal, TypeAlias
 
 from star_core.conditions import Condition
-from star_core.plugin_support.discovery import Source
-from star_core.plugin_support.specs import SourceFile
-from star_core.scene import Scene
+from star_core.discovery import Source
+from star_core.errors import SourceFile
+from star_core.world.scene import Scene
 
 OnFailure: TypeAlias = Literal["abort", "land", "continue"]
 

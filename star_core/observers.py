@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
+import json
 import logging
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import Any
 
+from star_core.discovery import Source
 from star_core.errors import ContractError
 from star_core.messages.events import Event, Flight
 from star_core.operator import Operator
 from star_core.plugin_support.compute_time import ComputeTime
-from star_core.plugin_support.discovery import Source
 from star_core.plugin_support.guard import PluginTimeout
 from star_core.plugin_support.plugin_manager import PluginManager
-from star_core.records.measures import check_measures
 
 log = logging.getLogger(__name__)
 
@@ -97,7 +97,7 @@ class Observers:
             self._of_flight[plugin] = result
         elif hook == "star_summary":
             self._used.append(result)
-            self._measures |= check_measures(result, {*self._taken, *self._measures})
+            self._measures |= _measures(result, {*self._taken, *self._measures})
         return result
 
     def _timed(self, plugin: str, hook: str) -> AbstractContextManager[None]:
@@ -117,3 +117,23 @@ class Observers:
             log.warning("observer %s is dropped for this flight: %s", plugin, why)
             self._manager.remove(plugin)
             self.event("observer", f"{plugin} is dropped: {why}")
+
+
+def _measures(measures: Mapping[str, Any], taken: Iterable[str]) -> dict[str, Any]:
+    """Return what a plugin measured, as JSON.
+
+    Args:
+        measures: By the keys of the summary.
+        taken: Keys that the core has, or that other plugins contributed.
+
+    Raises:
+        ContractError: A key is taken, or a value is not JSON.
+    """
+    for key, value in dict(measures).items():
+        if key in taken:
+            raise ContractError(f"the summary has a key {key!r} already")
+        try:
+            json.dumps({key: value}, allow_nan=False)
+        except (TypeError, ValueError, RecursionError) as error:
+            raise ContractError(f"{key} is not JSON: {error}") from error
+    return dict(measures)

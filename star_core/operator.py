@@ -4,10 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import Protocol, runtime_checkable
 
-if TYPE_CHECKING:
-    from star_core.contracts import Paced
+
+@runtime_checkable
+class Paced(Protocol):
+    """A transport that simulates at a pace, which changes nothing but the duration of the flight.
+
+    Attributes:
+        speed: Mission seconds per second of wall time; None is as fast as possible. It may be set
+            at any time, by any thread.
+    """
+
+    speed: float | None
 
 
 @dataclass(slots=True)

@@ -16,7 +16,6 @@ from star_core.contracts import (
     AwaitsLandings,
     Localizer,
     NotesFrames,
-    Paced,
     Planner,
     Records,
     Transport,
@@ -36,6 +35,7 @@ from star_core.messages.telemetry import (
     Telemetry,
 )
 from star_core.mission import Mission
+from star_core.operator import Paced
 from star_core.plugin_support.compute_time import ComputeTime, Stopwatch
 from star_core.plugin_support.guard import (
     PluginGuard,
@@ -53,9 +53,9 @@ from star_core.plugin_support.outputs import (
     checked_time,
     checked_truth,
 )
-from star_core.registry import Registry
-from star_core.scene import Scene
+from star_core.plugin_support.registry import Registry
 from star_core.toolkit.progress import Progress
+from star_core.world.scene import Scene
 
 Value = TypeVar("Value")
 
@@ -72,7 +72,6 @@ class PluginStage:
 
     Args:
         name: Kind, name and source of the plugin.
-        agents: Number of agents of the swarm.
         watch: Measures the time spent in its calls.
         strikes: Counts its failures in flight.
 
@@ -83,11 +82,11 @@ class PluginStage:
         making: Guards calls before and after the flight.
     """
 
-    def __init__(self, name: str, agents: int, watch: Stopwatch, strikes: Strikes) -> None:
+    def __init__(self, name: str, watch: Stopwatch, strikes: Strikes) -> None:
         self.name, self.watch = name, watch
         self.plugin: Any = None
-        self.making = PluginGuard(name, agents)
-        self._calling = PluginGuard(name, agents, watch)
+        self.making = PluginGuard(name)
+        self._calling = PluginGuard(name, watch)
         self._strikes = strikes
 
     def make(self, scene: Scene, spec: Any, options: Mapping[str, Any], contract: type) -> None:
@@ -169,7 +168,7 @@ class PluginPipeline:
     def _stage(self, kind: str, mission: Mission) -> PluginStage:
         name = str(mission.plugins[kind])
         watch = self.compute_time.of(name, waits=kind == "transport")
-        return PluginStage(name, self._n, watch, self.strikes)
+        return PluginStage(name, watch, self.strikes)
 
     @property
     def localizer(self) -> str:

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 if TYPE_CHECKING:
-    from star_core.records.read_run import Run
-    from star_core.scene import Scene
+    from star_core import Run, Scene
 
 
 @pytest.fixture
@@ -32,7 +31,7 @@ def fly(request: pytest.FixtureRequest, tmp_path: Path) -> Callable[..., Run]:
     installed, such as observers.
     """
     from star_core import Registry, load, read_run
-    from star_core.runner import fly
+    from star_core import fly as fly_mission
 
     folders = (tmp_path / f"flight-{i}" for i in count(1))
 
@@ -40,7 +39,7 @@ def fly(request: pytest.FixtureRequest, tmp_path: Path) -> Callable[..., Run]:
         registry, folder = Registry(*plugins), next(folders)
         beside = request.path.parent / mission
         path = beside if beside.exists() else mission
-        fly(load(path, registry, changes), registry, folder=folder)
+        fly_mission(load(path, registry, changes), registry, folder=folder)
         return read_run(folder)
 
     return flown

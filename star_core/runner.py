@@ -20,11 +20,11 @@ from star_core.operator import Operator
 from star_core.phases import MissionPhase
 from star_core.pipeline import PluginPipeline
 from star_core.plugin_support.guard import leaked_threads
+from star_core.plugin_support.registry import Registry
 from star_core.records.manifest import manifest
-from star_core.registry import Registry
-from star_core.scene import Scene
 from star_core.tick import ControlLoop, MissionStatus
 from star_core.toolkit.progress import Progress
+from star_core.world.scene import Scene
 
 
 def fly(

@@ -8,7 +8,7 @@ import numpy as np
 
 from star_core.messages.arrays import Rows, frozen
 from star_core.messages.telemetry import Sightings
-from star_core.scene import Scene
+from star_core.world.scene import Scene
 
 MIN_SIGHTINGS: Final = 3  # images by one agent, after which a target is found: one may be misread
 

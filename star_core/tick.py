@@ -11,12 +11,12 @@ import numpy as np
 from star_core.contracts import Status
 from star_core.errors import PluginError, shortlist
 from star_core.execution.assignments import Assignments
+from star_core.execution.executor import StepExecutor
 from star_core.execution.instructions import GoalDraft, Instructions, hold
 from star_core.execution.land_all import LandAll
 from star_core.execution.landing import LandingManager
 from star_core.execution.reserves import ReserveManager
 from star_core.execution.step_run import TaskPool, TickContext
-from star_core.executor import StepExecutor
 from star_core.geometry.neighbours import Pairs
 from star_core.messages.arrays import Mask, some
 from star_core.messages.commands import Order, Trajectory
@@ -36,8 +36,8 @@ from star_core.observers import Observers
 from star_core.operator import Operator
 from star_core.phases import MissionPhase
 from star_core.pipeline import PluginPipeline
-from star_core.records.summary import MEASURES, FlightSummary, event_records
-from star_core.registry import Registry
+from star_core.plugin_support.registry import Registry
+from star_core.records.summary import FlightSummary, event_records
 from star_core.safety.agents_in_the_way import GroundedAgents
 from star_core.safety.filter import SafetyFilter
 from star_core.safety.monitors import (
@@ -337,8 +337,10 @@ class ControlLoop:
             | self._vehicles.timing.summary()
             | self._pipeline.compute_time.summary()
         )
-        measures = self._observers.measures(summary.keys() - MEASURES)
-        return summary | measures | {"events": event_records(self._observers.events)}
+        lists = {key: summary.pop(key) for key in ("targets", "steps", "events")}
+        measures = self._observers.measures(summary.keys() | lists.keys())
+        lists["events"] = event_records(self._observers.events)
+        return summary | measures | lists
 
     def _landed(self) -> MissionStatus | None:
         """Return the status of landing all agents; None if that is not what the flight does."""

@@ -19,8 +19,8 @@ from star_core.plugin_support.tick_timing import TickTiming
 from star_core.safety.agents_in_the_way import FALL_TIME, MAX_REPORT_AGE, UnheardAgents
 from star_core.safety.estimate_monitor import EstimateMonitor
 from star_core.safety.ground_evidence import ON_BOARD, GroundEvidence
-from star_core.scene import Scene
 from star_core.targets import Targets
+from star_core.world.scene import Scene
 
 log = logging.getLogger(__name__)
 

@@ -14,9 +14,8 @@ from hypothesis import settings
 
 import star_sim
 from star_basics import land_requests, stop_flights
-from star_core import Registry
+from star_core import Registry, discovery
 from star_core.commands import Source
-from star_core.plugin_support import discovery
 from star_core.toolkit import progress
 
 ROOT = Path(__file__).parents[1]
@@ -119,7 +118,7 @@ def with_plugin(monkeypatch: pytest.MonkeyPatch) -> Callable[[object], None]:
     def add(plugin: object) -> None:
         registry = Registry()
         registry.add(plugin, Source("their-dist:theirs", "1.2"))
-        monkeypatch.setattr("star_core.registry.Registry", lambda: registry)
+        monkeypatch.setattr("star_core.plugin_support.registry.Registry", lambda: registry)
 
     return add
 

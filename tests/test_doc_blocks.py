@@ -24,7 +24,7 @@ import star_mcap
 from star_core.commands import error_catalogue
 from star_core.commands.command_line import parser_of as parser_of_spec
 from star_core.commands.main import main
-from star_core.registry import Registry
+from star_core.plugin_support.registry import Registry
 
 ROOT = Path(__file__).parents[1]
 PAGES = [

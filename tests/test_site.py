@@ -13,8 +13,8 @@ from urllib.parse import unquote, urldefrag
 
 import pytest
 
+from star_core.plugin_support.registry import Registry
 from star_core.plugin_support.specs import MissionSpec
-from star_core.registry import Registry
 
 ROOT = Path(__file__).parents[1]
 

@@ -31,11 +31,11 @@ KINDS: Final = {
 GROUPS: Final = {  # page, title, and prefixes of the modules whose public names it has
     "flights": (
         "Flights and records",
-        ("runner", "operator", "registry", "mission", "formats", "records"),
+        ("runner", "operator", "mission", "formats", "records"),
     ),
-    "contracts": ("Contracts and specs", ("contracts", "hookspecs", "plugin_support")),
+    "contracts": ("Contracts and specs", ("contracts", "plugin_support")),
     "messages": ("Tables", ("messages",)),
-    "scene": ("Scene and world", ("scene", "world")),
+    "scene": ("Scene and world", ("world",)),
     "errors": ("Errors", ("errors",)),
 }
 
@@ -46,7 +46,7 @@ PACKAGES: Final = {  # pages of all public names of a package
 }
 
 MODULES: Final = {  # pages of whole modules
-    "hooks": ("Hooks", ["star_core.hookspecs"]),
+    "hooks": ("Hooks", ["star_core.plugin_support.hookspecs"]),
     "testing": ("Checks for the tests of plugins", ["star_core.testing"]),
     "external": ("External planners and search patterns",
                  ["star_external.planner", "star_search.pattern", "star_search.search_space"]),

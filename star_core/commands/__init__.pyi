@@ -9,14 +9,14 @@ from star_core.commands.output import positive_integer as positive_integer
 from star_core.commands.output import replace_file as replace_file
 from star_core.commands.output import write_report as write_report
 from star_core.commands.output import writing as writing
-from star_core.plugin_support.discovery import Source as Source
+from star_core.discovery import Source as Source
 from star_core.plugin_support.option_schema import PIPELINE_KINDS as PIPELINE_KINDS
 from star_core.plugin_support.option_schema import SHARED as SHARED
+from star_core.plugin_support.registry import Found as Found
+from star_core.plugin_support.registry import guarded as guarded
 from star_core.plugin_support.specs import CommandSpec as CommandSpec
 from star_core.plugin_support.specs import RunOptionSpec as RunOptionSpec
 from star_core.records.manifest import software as software
 from star_core.records.read_run import split_timing as split_timing
-from star_core.registry import Found as Found
-from star_core.registry import guarded as guarded
 
 __all__: list[str]  # noqa: PYI035 -- of all names above

@@ -8,11 +8,11 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from star_core.errors import InputError, suggestion
-from star_core.registry import guarded
+from star_core.plugin_support.registry import guarded
 
 if TYPE_CHECKING:
+    from star_core.plugin_support.registry import Registry
     from star_core.plugin_support.specs import CommandSpec
-    from star_core.registry import Registry
 
 
 def run_command(name: str, arguments: Sequence[str], registry: Registry) -> int:

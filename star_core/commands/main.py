@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final, TextIO
 from star_core.errors import StarError, printable, suggestion
 
 if TYPE_CHECKING:
-    from star_core.registry import Registry
+    from star_core.plugin_support.registry import Registry
 
 FAILED: Final = 1
 BAD_INPUT: Final = 2
@@ -102,7 +102,7 @@ def _loaded() -> Registry:
 
     # What plugins print must not be in the output.
     with Progress("loading plugins"), redirect_stdout(sys.stderr):
-        from star_core.registry import Registry
+        from star_core.plugin_support.registry import Registry
 
         registry = Registry()
     for source, why in registry.broken.items():

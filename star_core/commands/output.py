@@ -13,7 +13,7 @@ from star_core.errors import InputError, StarError
 if TYPE_CHECKING:
     import argparse
 
-    from star_core.registry import Registry
+    from star_core.plugin_support.registry import Registry
 
 RUNS = Path("runs")
 

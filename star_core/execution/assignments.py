@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from star_core.messages.arrays import Mask, frozen
-from star_core.scene import Scene
+from star_core.world.scene import Scene
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,8 +15,8 @@ from star_core.messages.state import AIRBORNE, AgentPhase, Estimate, Goals
 from star_core.messages.telemetry import Telemetry
 from star_core.observers import Observers
 from star_core.operator import Operator
-from star_core.scene import Scene
 from star_core.vehicle_interface import VehicleInterface
+from star_core.world.scene import Scene
 
 MAX_LANDING_DELAY: Final = 10.0  # s after the planned end of its landing; then it has failed
 REPORT_WAIT_AFTER: Final = 3.0  # s after that end; most drones report sooner

@@ -18,10 +18,10 @@ from star_core.messages.state import AgentPhase, Estimate, Goals, among
 from star_core.messages.telemetry import Supervisor, Telemetry
 from star_core.observers import Observers
 from star_core.safety.agents_in_the_way import MAX_REPORT_AGE
-from star_core.scene import Scene
 from star_core.toolkit.landing_time import min_landing_time
 from star_core.toolkit.timeouts import timeout
 from star_core.vehicle_interface import VehicleInterface
+from star_core.world.scene import Scene
 
 TRAVEL_POINTS: Final = 11  # possible positions of an agent that is not heard, 0.1 m apart or less
 MAX_REST_SPEED: Final = 0.1  # m/s; of an agent that can land

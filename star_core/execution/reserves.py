@@ -15,8 +15,8 @@ from star_core.messages.arrays import Array, Mask
 from star_core.messages.commands import Command, Order
 from star_core.messages.state import UNFIT, AgentPhase, Estimate, Health, among
 from star_core.safety.rules import BATTERY_SAG_TIME, Rules
-from star_core.scene import Scene
 from star_core.toolkit.timeouts import timeout
+from star_core.world.scene import Scene
 
 PAD_CLEARANCE: Final = 0.5  # m in the plane from an agent that takes off to others in the air
 PAD_RADIUS: Final = 0.15  # m in the plane from its pad, within which a returning agent lands

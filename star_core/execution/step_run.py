@@ -34,9 +34,9 @@ from star_core.plugin_support.guard import (
     require_signature,
 )
 from star_core.plugin_support.outputs import checked_timeout
-from star_core.registry import Registry
-from star_core.scene import Scene
+from star_core.plugin_support.registry import Registry
 from star_core.toolkit.timeouts import step_timeout
+from star_core.world.scene import Scene
 
 Rows: TypeAlias = tuple[int, ...]
 Rounds: TypeAlias = tuple[tuple[int, int], ...]
@@ -365,4 +365,4 @@ class TaskPool:
         source = self._registry.find("task", action.verb).source
         plugin = f"task {action.verb!r} ({source})"
         stopwatch = self._compute_time.of(plugin) if timed else None
-        return PluginGuard(plugin, len(self._scene.agents), stopwatch)
+        return PluginGuard(plugin, stopwatch)

@@ -12,6 +12,7 @@ from star_core.conditions import Not as Not
 from star_core.conditions import TargetFound as TargetFound
 from star_core.conditions import TimeReached as TimeReached
 from star_core.errors import MAX_LISTED as MAX_LISTED
+from star_core.errors import SourceFile as SourceFile
 from star_core.errors import code_of as code_of
 from star_core.errors import coded as coded
 from star_core.errors import printable as printable
@@ -35,8 +36,6 @@ from star_core.plugin_support.option_schema import references as references
 from star_core.plugin_support.specs import FileKindSpec as FileKindSpec
 from star_core.plugin_support.specs import FormatSpec as FormatSpec
 from star_core.plugin_support.specs import MissionSpec as MissionSpec
-from star_core.plugin_support.specs import SourceFile as SourceFile
-from star_core.scene import inside as inside
 from star_core.world.camera import camera_faults as camera_faults
 from star_core.world.outlines import around_circle as around_circle
 from star_core.world.outlines import box as box
@@ -44,6 +43,7 @@ from star_core.world.outlines import wall as wall
 from star_core.world.quaternions import Point as Point
 from star_core.world.quaternions import moved as moved
 from star_core.world.quaternions import turned as turned
+from star_core.world.scene import inside as inside
 from star_core.world.world import Corner as Corner
 
 __all__: list[str]  # noqa: PYI035 -- of all names above

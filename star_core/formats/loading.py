@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from star_core.errors import InputError, PluginError
-from star_core.registry import Registry, guarded
+from star_core.plugin_support.registry import Registry, guarded
 
 if TYPE_CHECKING:
+    from star_core.errors import SourceFile
     from star_core.mission import Mission
-    from star_core.plugin_support.specs import SourceFile
-    from star_core.registry import Found
+    from star_core.plugin_support.registry import Found
 
 STDIN: Final = Path("-")
 """Names standard input where a file is named."""

@@ -9,8 +9,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
-from star_core.errors import InputError, coded
-from star_core.plugin_support.specs import Problem
+from star_core.errors import InputError, Problem, coded
 
 Location: TypeAlias = tuple[str | int, ...]
 """Keys and indices from the top of a document to a value."""

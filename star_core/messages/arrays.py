@@ -20,7 +20,7 @@ from typing import (
 import numpy as np
 from numpy.typing import NDArray
 
-from star_core.errors import ContractError, coded
+from star_core.errors import ContractError
 
 Array: TypeAlias = NDArray[np.float64]
 Mask: TypeAlias = NDArray[np.bool_]
@@ -107,8 +107,8 @@ class Table:
         An array that can be written to is copied.
 
         Raises:
-            RowCountError: The fields differ in their number of rows.
-            ContractError: A row has another shape, or a field cannot be converted to its type.
+            ContractError: The fields differ in their number of rows, a row has another shape, or a
+                field cannot be converted to its type.
         """
         rows, equal = -1, True
         for name, row, dtype, optional, per in self.COLUMNS:
@@ -130,7 +130,7 @@ class Table:
         for name in self.COUNTED:
             equal = equal and _rows_of(getattr(self, name)) == rows
         if not equal:
-            raise RowCountError(type(self).__name__, self._counts(), self.PER)
+            raise row_count_error(type(self).__name__, self._counts(), self.PER)
 
     def _counts(self) -> dict[str, int]:
         names = [*(column.name for column in self.COLUMNS if not column.per), *self.COUNTED]
@@ -227,39 +227,21 @@ def _rows_of(rows: Any) -> int:
     return len(getattr(rows, rows.COLUMNS[0].name) if isinstance(rows, Table) else rows)
 
 
-class RowCountError(ContractError):
-    """Fields of one table differ in their number of rows.
+def row_count_error(table: str, count: Mapping[str, int], per: str) -> ContractError:
+    """Return the error of a table whose fields differ in their number of rows.
 
     Args:
         table: Name of its class.
         count: Number of rows of each field.
         per: What there should be one row per.
     """
-
-    code = "wrong-shape"
-
-    def __init__(self, table: str, count: Mapping[str, int], per: str) -> None:
-        self._table, self._count, self._per = table, count, per
-        *odd, most = sorted(_by_count(count), key=lambda group: len(group[0]))
-        odd_ones = ", ".join(f"{_have(names)} {_rows(n)}" for names, n in odd)
-        text = f"{odd_ones}, but {_have(most[0])} {most[1]}; expected one row per {per}"
-        super().__init__(f"{table}.{text}")
-
-    def among(self, agents: int) -> str:
-        """Return the message for a swarm of `agents`, naming the wrong fields."""
-        if self._per != "agent":
-            return str(self)
-        wrong = [group for group in _by_count(self._count) if group[1] != agents]
-        fields = ", ".join(f"{_have(names)} {_rows(n)}" for names, n in wrong)
-        return coded(f"{self._table}.{fields}, expected {agents}, one per agent", self.code)
-
-
-def _by_count(count: Mapping[str, int]) -> list[tuple[list[str], int]]:
-    """Return the fields of each number of rows, in the order of the fields."""
     groups: dict[int, list[str]] = {}
     for name, n in count.items():
         groups.setdefault(n, []).append(name)
-    return [(names, n) for n, names in groups.items()]
+    *odd, (n, most) = sorted(groups.items(), key=lambda group: len(group[1]))
+    odd_ones = ", ".join(f"{_have(names)} {_rows(rows)}" for rows, names in odd)
+    text = f"{odd_ones}, but {_have(most)} {n}; expected one row per {per}"
+    return ContractError(f"{table}.{text}", "wrong-shape")
 
 
 def _have(names: Sequence[str]) -> str:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from star_core.scene import Scene
+from star_core.world.scene import Scene
 
 if TYPE_CHECKING:
     from star_core.messages.arrays import Mask

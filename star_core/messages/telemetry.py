@@ -14,11 +14,11 @@ from star_core.errors import ContractError
 from star_core.messages.arrays import (
     Array,
     Mask,
-    RowCountError,
     Rows,
     Table,
     column,
     counted,
+    row_count_error,
     table,
 )
 from star_core.messages.rotations import yaw_from_quaternion
@@ -146,7 +146,7 @@ class Detections(Table):
         reasons = tuple(map(str, self.rejected)) or ("",) * len(self.tag)
         if len(reasons) != len(self.tag):
             counts = {"tag": len(self.tag), "rejected": len(reasons)}
-            raise RowCountError("Detections", counts, "tag")
+            raise row_count_error("Detections", counts, "tag")
         object.__setattr__(self, "rejected", reasons)
 
     @property

@@ -75,18 +75,15 @@ class PluginGuard:
 
     Args:
         plugin: Kind, name and source of the plugin.
-        agents: Number of agents of the swarm, to find the wrong fields of a table by.
         stopwatch: Measures the time spent inside.
     """
 
     def __init__(
         self,
         plugin: str,
-        agents: int | None = None,
         stopwatch: AbstractContextManager[Any] | None = None,
     ) -> None:
         self.plugin = plugin
-        self._agents = agents
         stopwatch = stopwatch or nullcontext()
         self._begin: Callable[[], object] = stopwatch.__enter__
         self._end: Callable[..., object] = stopwatch.__exit__
@@ -128,8 +125,6 @@ class PluginGuard:
         if not isinstance(error, Exception | SystemExit | PluginTimeout):
             return
         log.debug("%s raised", self.plugin, exc_info=error)
-        if isinstance(error, ContractError) and self._agents is not None:
-            raise PluginError(f"{self.plugin}: {error.among(self._agents)}") from error
         if isinstance(error, StarError):
             raise PluginError(f"{self.plugin}: {error}") from error
         frames = traceback.extract_tb(trace)

@@ -11,8 +11,8 @@ from typing import Any, TypeAlias
 
 import pluggy
 
-from star_core import hookspecs
 from star_core.errors import suggestion
+from star_core.plugin_support import hookspecs
 
 Guard: TypeAlias = Callable[[str, str], AbstractContextManager[object]]
 """Returns the context in which to call a plugin's implementation of a hook, by their names. One

@@ -9,58 +9,16 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+
+from star_core.errors import Problem, SourceFile
 
 if TYPE_CHECKING:
     from argparse import ArgumentParser, Namespace
 
-    from star_core import Agent, Mission, World
+    from star_core import Agent, Mission, Registry, World
     from star_core.contracts import Avoider, Localizer, Planner, Task, Transport
     from star_core.messages.arrays import Array
-    from star_core.registry import Registry
-
-
-class Problem(NamedTuple):
-    """A mistake in a file that its schema cannot detect.
-
-    Attributes:
-        path: Keys and indices from the plugin's options to the value; empty for the whole.
-        message: What is wrong and what was expected.
-        code: Identifies the kind of mistake, see `star_core.commands.error_codes`.
-        warning: Whether the mission can be flown all the same.
-    """
-
-    path: tuple[str | int, ...]
-    message: str
-    code: str = "invalid-option"
-    warning: bool = False
-
-
-class SourceFile(Protocol):
-    """A file as read, whose problems are reported with their locations."""
-
-    @property
-    def path(self) -> Path:
-        """The file, as the user named it."""
-
-    @property
-    def data(self) -> dict[str, Any]:
-        """The content: maps, lists, text, numbers, booleans and None."""
-
-    def problem(
-        self, path: tuple[str | int, ...], message: str, code: str = ..., *, key: bool = False
-    ) -> str:
-        """Return ``file:line:column: message [code]``.
-
-        Args:
-            path: Keys and indices from the top of the file to the value.
-            message: What is wrong and what was expected.
-            code: Identifies the kind of mistake.
-            key: Whether it is the key that is wrong.
-        """
-
-    def located(self, problems: Iterable[Problem]) -> list[str]:
-        """Return problems as one line each with its location, in the order of the file."""
 
 
 class StepGoal(NamedTuple):

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from star_core.mission import Mission, actions
-from star_core.registry import Registry
+from star_core.plugin_support.registry import Registry
 
 DISTRIBUTION = "star-swarm"
 

@@ -15,6 +15,7 @@ from star_core.errors import ContractError, InputError
 from star_core.formats import format_function
 from star_core.messages.arrays import Array
 from star_core.messages.telemetry import Detections
+from star_core.plugin_support.registry import Registry
 from star_core.records import record_files, run_html
 from star_core.records.planned_paths import PlannedPaths
 from star_core.records.record_files import (
@@ -26,8 +27,7 @@ from star_core.records.record_files import (
     read_arrays,
     read_json,
 )
-from star_core.registry import Registry
-from star_core.scene import Agent
+from star_core.world.scene import Agent
 from star_core.world.world import World
 
 DAMAGE: Final = (

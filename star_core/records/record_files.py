@@ -15,11 +15,11 @@ import numpy as np
 
 from star_core.errors import ContractError
 from star_core.messages.arrays import Array, Rows
+from star_core.records.study_results import MAX_NUMBER
 
 MAX_JSON: Final = 100_000_000  # bytes
 MAX_ARRAYS: Final = 1 << 30  # bytes of all arrays of a file that is small
 MAX_RATIO: Final = 100  # of the arrays of a larger file to the file
-MAX_NUMBER: Final = 1e12  # of a summary
 MAX_PIXELS: Final = 50_000_000  # of an image
 KINDS: Final = "biufU"  # of arrays: truth values, numbers, texts
 AGENT: Final = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
@@ -39,8 +39,6 @@ SUMMARY: Final[Shape] = {
     "flight_time_s": NUMBER,
     "collisions": {"agent_agent": int, "agent_obstacle": int},
     **dict.fromkeys(("min_separation_m", "min_clearance_m"), MAYBE),
-    **dict.fromkeys(("position_rmse_m", "position_worst_m"), MAYBE),
-    "path_length_m": {"total": MAYBE},
     "targets": {"found": int, "total": int},
     "steps": [
         {"verb": str, "agents": [str], "begun_s": NUMBER, "ended_s": MAYBE, "location?": str}

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from star_core.records.study_results import number_at
+
 if TYPE_CHECKING:
     from star_core.records.read_run import Run
 
@@ -20,7 +22,7 @@ def facts(summary: Mapping[str, Any]) -> dict[str, str]:
     """Return the figures of a flight, as text by label."""
     collisions = summary["collisions"]["agent_agent"] + summary["collisions"]["agent_obstacle"]
     values = {"closest approach": "min_separation_m", "position error, RMS": "position_rmse_m"}
-    figures = {label: summary[key] for label, key in values.items()}
+    figures = {label: number_at(summary, key) for label, key in values.items()}
     reason = f": {summary['reason']}" if summary["reason"] else ""
     return {
         "outcome": summary["outcome"] + reason,

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from io import StringIO
 from typing import Any, Final
 
+MAX_NUMBER: Final = 1e12  # of a summary
 STUDY_COLUMNS: Final = ("mission", "seed", "outcome", "reason", "wall_time_s")
 """Columns of every ``results.csv``; factors cannot have these names."""
 FORMULA: Final = ("=", "+", "-", "@")  # what a formula of a spreadsheet begins with
@@ -87,6 +88,17 @@ def value_at(summary: Mapping[str, Any] | None, path: str) -> Any:
     for key in path.split("."):
         value = value.get(key) if isinstance(value, Mapping) else None
     return value
+
+
+def number_at(summary: Mapping[str, Any] | None, path: str) -> float | None:
+    """Return the number at `path`, as `value_at` does; None if there is none.
+
+    >>> number_at({"path_length_m": {"total": 7}}, "path_length_m.total")
+    7.0
+    """
+    value = value_at(summary, path)
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    return float(value) if is_number and abs(value) <= MAX_NUMBER else None
 
 
 def _cell(value: Any) -> Any:

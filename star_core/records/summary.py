@@ -12,7 +12,7 @@ from star_core.geometry.neighbours import Pairs
 from star_core.messages.arrays import some
 from star_core.messages.events import Corrected, Event, Tick
 from star_core.safety.contacts import Contacts
-from star_core.scene import Scene
+from star_core.world.scene import Scene
 
 REPORT_INTERVAL: Final = 1.0  # s without a correction, after which the next one is reported again
 
@@ -23,12 +23,6 @@ CORRECTIONS: Final = {
     "obstacle": "brakes early for an obstacle or the fence, since its position is uncertain",
 }
 """Texts of events about agents whose setpoints the safety filter corrects, by the reason."""
-
-MEASURES: Final = frozenset((
-    *("deadlocks", "waits", "jams", "path_length_m"),
-    *("position_mse_m2", "position_rmse_m", "position_worst_m", "position_nees"),
-))  # fmt: skip
-"""Keys of every summary whose values plugins contribute; unknown without them."""
 
 
 class FlightSummary:
@@ -121,17 +115,9 @@ class FlightSummary:
                 "agent_obstacle": self.contacts.agent_obstacle,
             },
             "distances_from": self.contacts.source,
-            "deadlocks": None,
-            "waits": None,
-            "jams": None,
             "corrected": dict(self._corrected),
             "min_separation_m": _finite_or_none(self.contacts.separation),
             "min_clearance_m": _finite_or_none(self.contacts.clearance),
-            "position_mse_m2": None,
-            "position_rmse_m": None,
-            "position_worst_m": None,
-            "position_nees": None,
-            "path_length_m": {"total": None, "per_agent": {}},
             "targets": targets,
             "steps": list(steps),
             "events": [],

@@ -11,7 +11,7 @@ import numpy as np
 from star_core.messages.arrays import Array, Mask, Rows, every, some
 from star_core.messages.state import AgentPhase, Estimate
 from star_core.safety.monitors import Stage, TickState, Use
-from star_core.scene import Limits
+from star_core.world.scene import Limits
 
 MAX_REPORT_AGE: Final = 0.5
 """An agent whose newest report is older than this is not heard, s: the firmware's own limit for

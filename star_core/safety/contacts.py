@@ -13,7 +13,7 @@ from star_core.geometry.neighbours import Pairs
 from star_core.messages.arrays import Array, Mask, some
 from star_core.messages.events import Event, Tick
 from star_core.messages.state import AIRBORNE, among
-from star_core.scene import Scene
+from star_core.world.scene import Scene
 from star_core.world.world import CONTACT_RADIUS
 
 HYSTERESIS: Final = 0.02  # m beyond the limit at which a close approach is over

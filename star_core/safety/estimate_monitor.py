@@ -14,7 +14,7 @@ from star_core.safety.drag_check import DragCheck
 from star_core.safety.estimate_gate import EstimateGate, Jump
 from star_core.safety.monitors import Report, Stage, TickState, Use
 from star_core.safety.motion_check import MotionCheck
-from star_core.scene import Scene
+from star_core.world.scene import Scene
 
 
 class EstimateMonitor:

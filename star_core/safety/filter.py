@@ -21,8 +21,8 @@ from star_core.safety.braking import (
     slow_down,
 )
 from star_core.safety.walls import Walls, brake_for_walls, walls
-from star_core.scene import Scene
 from star_core.toolkit.jit import compiled, subroutine
+from star_core.world.scene import Scene
 
 MIN_CORRECTION: Final = 0.05
 """Smallest change of a velocity that is reported as a correction, m/s."""

@@ -13,8 +13,8 @@ from star_core.messages.position_margin import ALONE_SHARE, MAX_MARGIN_RATIO
 from star_core.messages.state import Estimate
 from star_core.safety.braking import LAG
 from star_core.safety.walls import Walls, nearest_wall, walls
-from star_core.scene import Scene
 from star_core.toolkit.jit import compiled
+from star_core.world.scene import Scene
 from star_core.world.world import CONTACT_RADIUS
 
 WALL_SHARE: Final = 0.5

@@ -11,7 +11,7 @@ from star_core.messages.arrays import Array, Mask, every, some
 from star_core.messages.state import AgentPhase, Estimate, Health, among
 from star_core.safety.agents_in_the_way import MAX_REPORT_AGE
 from star_core.safety.monitors import Exclude, SafetyAction, Stage, TickState
-from star_core.scene import Scene
+from star_core.world.scene import Scene
 
 BATTERY_SAG_TIME: Final = 1.0  # s that a battery must stay below its limit: it sags under load
 SUNK_TIME: Final = 2.0  # s that a flying agent must stay at the floor: some rebound

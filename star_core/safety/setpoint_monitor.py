@@ -14,8 +14,8 @@ from star_core.messages.state import Estimate, Goals, Setpoint
 from star_core.safety.braking import BRAKING_GAIN, LAG, RETURN_SPEED
 from star_core.safety.filter import MIN_CORRECTION
 from star_core.safety.monitors import Stage, Strike, TickState, Use
-from star_core.scene import Scene
 from star_core.toolkit.jit import compiled
+from star_core.world.scene import Scene
 
 PRESSED_TIME: Final = 0.5
 """Time after which an agent that the fence holds back is drawn in, s."""

@@ -16,7 +16,7 @@ from star_core.messages.state import Estimate, Goals, Setpoint
 from star_core.safety.monitors import Exclude, SafetyAction, TickState, Use
 from star_core.safety.monitors import Stage as TickStage
 from star_core.safety.room import PARTING_SPEED, PairRoom, Room, WallRoom
-from star_core.scene import Scene
+from star_core.world.scene import Scene
 from star_core.world.world import CONTACT_RADIUS
 
 RELEASE_USE: Final = 0.8  # of its room: an agent that uses less flies on

@@ -13,7 +13,7 @@ import numpy as np
 from star_core.errors import ContractError
 from star_core.messages.arrays import Mask
 from star_core.plugin_support.guard import require_methods
-from star_core.scene import Scene
+from star_core.world.scene import Scene
 
 Times: TypeAlias = Mapping[int, float]
 Case: TypeAlias = tuple[str, tuple[Any, ...]]

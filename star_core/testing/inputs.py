@@ -12,7 +12,7 @@ from star_core.messages.arrays import Array, Mask
 from star_core.messages.rotations import Transform
 from star_core.messages.state import AgentPhase, Estimate, Health
 from star_core.messages.telemetry import Frames, Supervisor, Telemetry
-from star_core.scene import Agent, Limits, Scene
+from star_core.world.scene import Agent, Limits, Scene
 from star_core.world.world import Fence, World
 
 ROW: Final = 10  # agents of a scene in a line

@@ -7,15 +7,15 @@ from typing import TypeAlias
 
 from star_core.contracts import Status, Task
 from star_core.execution.assignments import Assignments
+from star_core.execution.executor import StepExecutor
 from star_core.execution.instructions import Instructions
 from star_core.execution.step_run import TaskPool, TickContext
-from star_core.executor import StepExecutor
 from star_core.messages.state import Estimate, Goals, Health
 from star_core.mission import Action, Mission
 from star_core.observers import Observers
 from star_core.plugin_support.compute_time import ComputeTime
 from star_core.plugin_support.guard import Strikes
-from star_core.registry import Registry
+from star_core.plugin_support.registry import Registry
 
 MakeTask: TypeAlias = Callable[[Action, tuple[int, ...], Callable[[], Task]], Task]
 """Returns the task of a step for some rows; calls the last argument for the task of a flight."""

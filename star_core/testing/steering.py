@@ -10,9 +10,9 @@ import numpy as np
 from star_core.contracts import Avoider, Localizer, Planner
 from star_core.messages.state import Estimate, Goals, Setpoint
 from star_core.plugin_support.outputs import checked_location, checked_plan, checked_setpoint
-from star_core.scene import Scene
 from star_core.testing.calls import Case, Times, check_method, require_inactive
 from star_core.testing.inputs import flight_telemetry, scene, situations
+from star_core.world.scene import Scene
 
 
 def check_avoider(make: Callable[[Scene], Avoider], scene: Callable[[int], Scene] = scene) -> Times:

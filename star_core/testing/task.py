@@ -15,7 +15,6 @@ from star_core.messages.arrays import Mask
 from star_core.messages.state import AgentPhase, Estimate, Goals, Setpoint
 from star_core.plugin_support.guard import require_methods
 from star_core.plugin_support.outputs import checked_timeout
-from star_core.scene import Scene
 from star_core.testing.calls import (
     SIZES,
     Times,
@@ -28,6 +27,7 @@ from star_core.testing.calls import (
 )
 from star_core.testing.inputs import scene
 from star_core.testing.point_masses import PointMasses, straight_velocity
+from star_core.world.scene import Scene
 
 TASK_TIME: Final = 4.0  # s, for which a task is called if it is not over before
 HEIGHT: Final = 0.8  # m, of agents that fly when it begins

@@ -21,7 +21,6 @@ from star_core.plugin_support.outputs import (
     checked_time,
     checked_truth,
 )
-from star_core.scene import Scene
 from star_core.testing.calls import (
     SIZES,
     Times,
@@ -32,6 +31,7 @@ from star_core.testing.calls import (
     reported,
 )
 from star_core.testing.inputs import scene
+from star_core.world.scene import Scene
 
 MAX_ERROR: Final = 0.2  # m, of agents that a transport flies
 

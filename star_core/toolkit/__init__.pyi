@@ -1,7 +1,6 @@
 # The public names of `star_core.toolkit` and their modules, listed once.
 
 from star_core.contracts import InjectsFaults as InjectsFaults
-from star_core.contracts import Paced as Paced
 from star_core.errors import shortlist as shortlist
 from star_core.errors import suggestion as suggestion
 from star_core.geometry.free_position import AGENT_CLEARANCE as AGENT_CLEARANCE
@@ -34,6 +33,7 @@ from star_core.mission import Node as Node
 from star_core.mission import Parallel as Parallel
 from star_core.mission import Repeat as Repeat
 from star_core.mission import actions as actions
+from star_core.operator import Paced as Paced
 from star_core.plugin_support.guard import PluginGuard as PluginGuard
 from star_core.plugin_support.option_schema import fill_defaults as fill_defaults
 from star_core.plugin_support.specs import Exclusive as Exclusive
@@ -42,6 +42,7 @@ from star_core.plugin_support.specs import Spec as Spec
 from star_core.records.study_results import STUDY_COLUMNS as STUDY_COLUMNS
 from star_core.records.study_results import StudyFlight as StudyFlight
 from star_core.records.study_results import StudyResults as StudyResults
+from star_core.records.study_results import number_at as number_at
 from star_core.records.study_results import value_at as value_at
 from star_core.rehearsal import Outcome as Outcome
 from star_core.rehearsal import Rehearsal as Rehearsal

@@ -9,8 +9,8 @@ import numpy as np
 from star_core.messages.arrays import Array, Mask
 from star_core.messages.rotations import wrap_angle
 from star_core.messages.state import Estimate, Goals
-from star_core.scene import Scene
 from star_core.toolkit.jit import compiled
+from star_core.world.scene import Scene
 
 BRAKING = 0.5  # of the greatest acceleration: the rest is for wind, avoidance and delay
 NOWHERE = 1e-9  # m: nearer than this there is no direction to the goal

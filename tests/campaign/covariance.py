@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from star_core import AgentPhase, Array, Registry, Tick, fly, hookimpl, load
-from star_core.plugin_support.discovery import Source
+from star_core.discovery import Source
 
 MISSIONS = Path(__file__).parents[2] / "missions"
 PATHS = ("paper_box", "paper_circle", "paper_figure8")

@@ -18,7 +18,7 @@ import numpy as np
 
 from star_basics.flight import run_mission
 from star_core import Event, InputError, PluginError, Registry, Tick, hookimpl, read_run
-from star_core.plugin_support.discovery import Source
+from star_core.discovery import Source
 from tests.campaign.fault_cells import CROSSING, ROOM, RULED, Cell
 
 CROSSING_TIME: Final = (3.3, 6.3)  # s, in which the drones cross: none takes off or lands

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from star_core import AgentPhase, Flight, Registry, Tick, fly, hookimpl, load
-from star_core.plugin_support.discovery import Source
+from star_core.discovery import Source
 
 # The world of the published figures, with voltages for its batteries, which sag less.
 IDEAL = (

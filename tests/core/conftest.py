@@ -32,10 +32,10 @@ from star_core import (
     TransportSpec,
     hookimpl,
 )
+from star_core.discovery import Source
 from star_core.mission import Mission
-from star_core.plugin_support.discovery import Source
+from star_core.plugin_support.registry import Registry
 from star_core.plugin_support.specs import SPECS
-from star_core.registry import Registry
 from star_core.runner import fly
 from star_yaml.mission_loader import load
 from tests.core.robots import SOON, Robots

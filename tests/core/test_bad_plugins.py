@@ -16,8 +16,8 @@ import pytest
 
 import star_core as star
 import star_yaml
+from star_core.discovery import Source
 from star_core.plugin_support import watchdog
-from star_core.plugin_support.discovery import Source
 from star_core.plugin_support.guard import Strikes
 from star_core.runner import outcome_of
 from tests.core.conftest import Lab

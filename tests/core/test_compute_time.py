@@ -10,9 +10,9 @@ import pytest
 
 import star_yaml
 from star_core import Tick, hookimpl
+from star_core.discovery import Source
 from star_core.plugin_support.compute_time import ComputeTime
-from star_core.plugin_support.discovery import Source
-from star_core.registry import Registry
+from star_core.plugin_support.registry import Registry
 from star_core.toolkit import compiled
 from star_core.toolkit.compile_time import compiling
 from tests.core.conftest import Lab

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 import star_core
-from star_core import hookspecs
+from star_core.plugin_support import hookspecs
 
 ROOT = Path(__file__).parents[2]
 CLASSES = {name for name in star_core.__all__ if name[0].isupper()}

@@ -10,8 +10,15 @@ import pytest
 from star_basics.errors import page
 from star_core.commands import error_catalogue
 from star_core.commands.main import main
-from star_core.errors import ContractError, InputError, PluginError, StarError, code_of, coded
-from star_core.plugin_support.specs import Problem
+from star_core.errors import (
+    ContractError,
+    InputError,
+    PluginError,
+    Problem,
+    StarError,
+    code_of,
+    coded,
+)
 
 ROOT = Path(__file__).parents[2]
 SOURCES = sorted([*(ROOT / "star_core").rglob("*.py"), *(ROOT / "plugins").rglob("*.py")])

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from star_core import Event, Flight, Tick, hookimpl
-from star_core.plugin_support.discovery import Source
+from star_core.discovery import Source
 from tests.core.conftest import Lab
 
 WATCHING = (
@@ -327,14 +327,13 @@ def test_each_flight_has_an_observer_of_its_own(lab: Lab) -> None:
     watched(lab, Counter())
     first, second = lab.fly(), lab.fly()
     assert first["ticks"] == second["ticks"] > 10
-    assert list(first)[-1] == "ticks"  # after the keys of the core
+    assert list(first)[-4:] == ["ticks", "targets", "steps", "events"]
 
 
 def test_an_observer_may_contribute_a_measure_that_no_other_does(lab: Lab) -> None:
     watched(lab, Counter({"deadlocks": 7}))
     summary = lab.fly()
     assert summary["deadlocks"] == 7
-    assert list(summary).index("deadlocks") < list(summary).index("steps")
 
 
 @pytest.mark.parametrize(
@@ -344,7 +343,6 @@ def test_an_observer_may_contribute_a_measure_that_no_other_does(lab: Lab) -> No
         ({"late_ticks": 0}, "ContractError: the summary has a key 'late_ticks' already"),
         ({"figure": float("nan")}, "ContractError: figure is not JSON: "),
         ({"figure": {1, 2}}, "ContractError: figure is not JSON: "),
-        ({"path_length_m": 3.0}, "ContractError: path_length_m is no object"),
         ([1], "TypeError: "),
     ],
     ids=str,

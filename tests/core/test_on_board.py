@@ -27,7 +27,7 @@ from star_core import (
     Transform,
     hookimpl,
 )
-from star_core.plugin_support.discovery import Source
+from star_core.discovery import Source
 from tests.core.conftest import Lab, Script
 from tests.core.robots import Robots
 

@@ -13,7 +13,7 @@ from threading import Timer
 import pytest
 
 from star_core import Operator, Order, Tick, hookimpl
-from star_core.plugin_support.discovery import Source
+from star_core.discovery import Source
 from star_core.runner import outcome_of
 from tests.core.conftest import Lab
 

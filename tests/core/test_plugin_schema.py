@@ -11,11 +11,11 @@ from jsonschema import Draft202012Validator
 
 from star_core import Scene, fly, hookimpl
 from star_core import load as load_mission
+from star_core.discovery import Source
 from star_core.errors import PluginError
-from star_core.plugin_support.discovery import Source
 from star_core.plugin_support.option_schema import STEP_KEYS, fill_defaults, held, sound
+from star_core.plugin_support.registry import Found, Registry
 from star_core.plugin_support.specs import AvoiderSpec, Exclusive, TaskSpec
-from star_core.registry import Found, Registry
 
 NEVER_MADE: Any = object
 

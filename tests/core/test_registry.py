@@ -12,7 +12,7 @@ import pytest
 
 from star_core import AvoiderSpec, PlannerSpec, PluginError, TaskSpec, Tick, hookimpl
 from star_core.commands import CommandSpec, Source
-from star_core.registry import Registry
+from star_core.plugin_support.registry import Registry
 from star_core.toolkit import KindSpec, Spec
 
 NEVER_MADE: Any = object

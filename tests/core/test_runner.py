@@ -23,14 +23,14 @@ from star_core import (
     fly,
     hookimpl,
 )
+from star_core.discovery import Source
 from star_core.execution.land_all import MAX_LANDING_DELAY, MAX_SILENCE
 from star_core.execution.landing import (
     CONTROLLER_LAG,
     LAND_DEPTH,
     LAND_SPEED,
 )
-from star_core.plugin_support.discovery import Source
-from star_core.registry import Registry
+from star_core.plugin_support.registry import Registry
 from star_core.runner import outcome_of
 from star_core.tick import MAX_LOST_TIME
 from star_core.toolkit.landing_time import MIN_LAND_TIME, MIN_LAND_TIME_PER_HEIGHT

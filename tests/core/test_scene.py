@@ -8,7 +8,7 @@ import pytest
 
 from star_core.errors import InputError
 from star_core.plugin_support.option_schema import fill_defaults
-from star_core.scene import Limits, inside
+from star_core.world.scene import Limits, inside
 from star_yaml import schema
 
 

@@ -16,7 +16,7 @@ import pytest
 from star_basics.land_requests import listening
 from star_core import InputError, Operator, Registry, load, read_run
 from star_core.commands.main import main
-from star_core.scene import inside
+from star_core.world.scene import inside
 from star_external.tcp_server import TcpServer
 from star_yaml.yaml_reader import parse
 from tests.conftest import HOP

@@ -17,7 +17,7 @@ import pytest
 
 from star_core import InputError, load
 from star_core.commands.main import main
-from star_core.registry import Registry
+from star_core.plugin_support.registry import Registry
 from star_yaml import schema
 from star_yaml.editor_schema import for_editors
 from star_yaml.schema import compose, compose_steps
@@ -75,7 +75,7 @@ def test_rehearsing_three_agents_imports_neither_scipy_nor_numba() -> None:
     ask = (
         "import sys; from star_core.commands.main import main; main(['check', sys.argv[1]])\n"
         "assert 'star_explain.drift' in sys.modules\n"
-        "assert 'star_core.executor' in sys.modules\n"
+        "assert 'star_core.execution.executor' in sys.modules\n"
         "assert not {'scipy', 'numba'} & {*sys.modules}"
     )
     path = MISSIONS / "first_flight.yaml"

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from star_core.errors import ContractError, InputError
 from star_core.messages.telemetry import Detections, Frames, Sightings
 from star_core.mission import Mission
-from star_core.registry import Registry
+from star_core.plugin_support.registry import Registry
 from star_core.world.camera import Camera
 from star_core.world.quaternions import moved, product, turned
 from star_yaml.mission_loader import load

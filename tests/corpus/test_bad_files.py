@@ -14,7 +14,7 @@ import pytest
 
 from star_ablate.reading import read as read_study
 from star_core.commands import main as cli
-from star_core.registry import Registry
+from star_core.plugin_support.registry import Registry
 from star_yaml import schema
 from tests.commands import problem_lines
 from tests.corpus import cases
@@ -33,7 +33,7 @@ composed = cache(lambda: schema_of(registry().offers()))
 def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """An empty folder to stand in; plugins are looked for once, not for each file."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("star_core.registry.Registry", registry)
+    monkeypatch.setattr("star_core.plugin_support.registry.Registry", registry)
     monkeypatch.setattr(schema, "compose", lambda _offers: composed())
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from star_core.registry import Registry
+from star_core.plugin_support.registry import Registry
 from star_yaml.schema import compose, load
 from tests.editors.language_server import LanguageServer
 

@@ -16,8 +16,8 @@ from hypothesis import HealthCheck, Phase, assume, event, given, settings
 
 import star_core as star
 from star_core import InputError, fly, hookimpl, load
+from star_core.discovery import Source
 from star_core.execution.step_run import StepRun
-from star_core.plugin_support.discovery import Source
 from tests.end_to_end.any_mission import PART, PARTS, Case, cases
 from tests.end_to_end.troubled import Troubled
 

@@ -10,7 +10,7 @@ import numpy as np
 
 import star_core as star
 from star_core import Order, Registry, Status, Supervisor, TaskOutput
-from star_core.registry import Found
+from star_core.plugin_support.registry import Found
 from tests.end_to_end.any_trouble import Trouble
 
 FLAT: Final = 3.0  # V

@@ -17,8 +17,8 @@ from unittest.mock import patch
 
 from star_ablate.reading import read as read_study
 from star_core.errors import InputError, code_of
-from star_core.registry import Registry
-from star_core.scene import Scene
+from star_core.plugin_support.registry import Registry
+from star_core.world.scene import Scene
 from star_faults.fault_file import read_faults
 from star_verbs.follow.files import read_trajectory, read_waypoints
 from star_yaml import schema
@@ -61,7 +61,7 @@ def outcome(read: Callable[[], object], located: re.Pattern[str] = LOCATED) -> s
 def _plugins_found_once() -> Iterator[None]:
     with (
         patch.object(schema, "compose", lambda _offers: composed()),
-        patch("star_core.registry.Registry", registry),
+        patch("star_core.plugin_support.registry.Registry", registry),
     ):
         yield
 

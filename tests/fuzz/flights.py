@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Final
 
 from star_core import InputError, Registry, fly, load
+from star_core.discovery import Source
 from star_core.formats import check_file
-from star_core.plugin_support.discovery import Source
 from tests.fuzz.files import registry
 from tests.fuzz.ground_truth import Witness, judged
 from tests.fuzz.harness import Broken, Draw, Target, Try

@@ -12,9 +12,9 @@ from typing import Any, Final
 from mcap.reader import make_reader
 
 from star_core import Event, Flight, InputError, Tick, fly, hookimpl, load, read_run
+from star_core.discovery import Source
 from star_core.errors import code_of
-from star_core.plugin_support.discovery import Source
-from star_core.registry import Registry
+from star_core.plugin_support.registry import Registry
 from star_mcap.messages import FILE
 from star_mcap.recorder import Recorder
 from star_mcap.recovery import run as recover

@@ -7,14 +7,15 @@ from pathlib import Path
 from typing import Any
 
 from star_core.commands import Source
+from star_core.toolkit import number_at
 
 
 def format_summary(summary: Mapping[str, Any], folder: Path | None) -> str:
     """Return a summary as text."""
     collisions = summary["collisions"]
     factor, apart = summary["realtime_factor"], summary["min_separation_m"]
-    rmse, clear = summary["position_rmse_m"], summary["min_clearance_m"]
-    flown = summary["path_length_m"]["total"]
+    rmse, clear = number_at(summary, "position_rmse_m"), summary["min_clearance_m"]
+    flown = number_at(summary, "path_length_m.total")
     by = "" if summary["distances_from"] == "ground_truth" else " (estimated positions)"
     rows = [
         (

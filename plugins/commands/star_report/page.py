@@ -12,6 +12,7 @@ from typing import Any
 from plotly.io.json import to_json_plotly
 
 from star_core import Run
+from star_core.toolkit import number_at
 from star_report import charts, views
 from star_report.figures import Figure
 from star_report.images import images
@@ -83,9 +84,9 @@ def _figures_of_merit(summary: Mapping[str, Any]) -> str:
         ("collisions with obstacles", f"{contacts['agent_obstacle']}{by}"),
         ("closest approach", _metres(summary["min_separation_m"])),
         ("least clearance", _metres(summary["min_clearance_m"])),
-        ("position error (RMS)", _metres(summary["position_rmse_m"], 3)),
-        ("largest position error", _metres(summary["position_worst_m"], 3)),
-        ("distance flown", _metres(summary["path_length_m"]["total"], 1)),
+        ("position error (RMS)", _metres(number_at(summary, "position_rmse_m"), 3)),
+        ("largest position error", _metres(number_at(summary, "position_worst_m"), 3)),
+        ("distance flown", _metres(number_at(summary, "path_length_m.total"), 1)),
         ("targets found", f"{targets['found']} of {targets['total']}" if targets["total"] else ""),
         ("late ticks", str(summary["late_ticks"]) if summary["late_ticks"] else ""),
     ]

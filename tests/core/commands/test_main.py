@@ -18,7 +18,7 @@ import star_core
 from star_core import InputError, Mission, Tick, hookimpl
 from star_core.commands import RunOptionSpec
 from star_core.commands.main import main
-from star_core.registry import Registry
+from star_core.plugin_support.registry import Registry
 from tests.commands import problem_lines
 
 LATE = ("--set", "mission.0.takeoff.timeout=0.01")  # no agent is up by then

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from star_core.commands.main import main
-from star_core.registry import Registry
+from star_core.plugin_support.registry import Registry
 
 ENTER = "import sys; from star_core.commands.main import main; main()"
 GREET = """

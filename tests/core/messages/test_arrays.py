@@ -20,7 +20,6 @@ from star_core import (
     Order,
     Paths,
     Plan,
-    PluginError,
     Setpoint,
     Sightings,
     Telemetry,
@@ -29,7 +28,6 @@ from star_core import (
     Truth,
 )
 from star_core.messages.arrays import frozen
-from star_core.plugin_support.guard import PluginGuard
 
 
 def rows(n: int, *shape: int) -> np.ndarray:
@@ -136,30 +134,26 @@ def test_a_table_names_the_field_whose_rows_have_another_shape(velocity: Any, me
 
 
 @pytest.mark.parametrize(
-    ("counts", "agents", "message"),
+    ("counts", "message"),
     [
-        ((1, 2, 2), 2, "Setpoint.velocity has 1 row, expected 2, one per agent [wrong-shape]"),
-        ((1, 2, 1), 2, "Setpoint.velocity and active have 1 row, expected 2, one per agent"
-        " [wrong-shape]"),
-        ((1, 2, 3), 2,
-         "Setpoint.velocity has 1 row, active has 3 rows, expected 2, one per agent [wrong-shape]"),
+        ((1, 2, 2), "velocity has 1 row, but yaw and active have 2"),
+        ((1, 2, 1), "yaw has 2 rows, but velocity and active have 1"),
+        ((1, 2, 3), "velocity has 1 row, yaw has 2 rows, but active has 3"),
     ],
-)  # fmt: skip
-def test_fields_that_do_not_match_the_swarm_size_are_named(
-    counts: tuple[int, int, int], agents: int, message: str
+)
+def test_fields_with_other_numbers_of_rows_are_named(
+    counts: tuple[int, int, int], message: str
 ) -> None:
-    with pytest.raises(PluginError) as caught, PluginGuard("avoider 'mine'", agents):
+    with pytest.raises(ContractError) as caught:
         setpoint(*counts)
-    assert str(caught.value) == f"avoider 'mine': {message}"
+    assert str(caught.value) == f"Setpoint.{message}; expected one row per agent [wrong-shape]"
 
 
-def test_rows_that_are_no_agents_are_not_compared_with_the_swarm() -> None:
-    with pytest.raises(PluginError) as caught, PluginGuard("planner 'mine'", 5):
+def test_rows_that_are_no_agents_are_named_as_what_they_are() -> None:
+    with pytest.raises(ContractError) as caught:
         Paths(INTEGERS, rows(1, 3))
-    assert str(caught.value) == (
-        "planner 'mine': Paths.agent has 2 rows, but point has 1; expected one row per point"
-        " [wrong-shape]"
-    )
+    text = "Paths.agent has 2 rows, but point has 1; expected one row per point [wrong-shape]"
+    assert str(caught.value) == text
 
 
 def test_a_table_takes_a_frozen_array_as_it_is() -> None:

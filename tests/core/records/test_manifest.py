@@ -14,9 +14,9 @@ import pytest
 
 from star_core import TaskSpec, hookimpl
 from star_core.commands.main import main
-from star_core.plugin_support.discovery import Source
+from star_core.discovery import Source
+from star_core.plugin_support.registry import Registry
 from star_core.records.manifest import manifest, packages
-from star_core.registry import Registry
 from star_yaml.mission_loader import load
 
 ROOT = Path(__file__).parents[3]

@@ -28,8 +28,8 @@ from star_core import (
     hookimpl,
     read_run,
 )
-from star_core.plugin_support.discovery import Source
-from star_core.registry import Registry
+from star_core.discovery import Source
+from star_core.plugin_support.registry import Registry
 from star_core.runner import fly
 from star_record.recorder import Recorder
 from star_record.text_log import TextLog

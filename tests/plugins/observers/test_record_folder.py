@@ -14,8 +14,8 @@ import pytest
 from star_core import Flight, hookimpl
 from star_core.commands import split_timing
 from star_core.commands.main import main
-from star_core.plugin_support.discovery import Source
-from star_core.registry import Registry
+from star_core.discovery import Source
+from star_core.plugin_support.registry import Registry
 
 Said: TypeAlias = pytest.CaptureFixture[str]
 pytestmark = pytest.mark.usefixtures("hop")
@@ -108,7 +108,7 @@ def test_a_record_that_was_not_written_is_not_reported(
 ) -> None:
     registry = Registry()
     registry.add(Thief(), Source("their-dist:thief"))
-    monkeypatch.setattr("star_core.registry.Registry", lambda: registry)
+    monkeypatch.setattr("star_core.plugin_support.registry.Registry", lambda: registry)
     main(["run", "hop.yaml", "--out", "a/b"])
     assert "a/b\n" not in said.readouterr().out
 
@@ -136,7 +136,7 @@ def test_a_record_that_is_lost_in_flight_is_the_last_line(
 ) -> None:
     registry = Registry()
     registry.add(Vandal(moves=moves), Source("their-dist:vandal"))
-    monkeypatch.setattr("star_core.registry.Registry", lambda: registry)
+    monkeypatch.setattr("star_core.plugin_support.registry.Registry", lambda: registry)
     assert main(["run", "hop.yaml", "--out", "out", *["--json"] * json]) == 1
     out, err = said.readouterr()
     lines = (err if json else out).splitlines()

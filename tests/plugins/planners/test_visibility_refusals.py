@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 import star_visibility
 from star_core import Agent, Array, Fence, Goals, Obstacle, Planner, Scene, World, load
 from star_core import fly as fly_mission
-from star_core.registry import Registry
+from star_core.plugin_support.registry import Registry
 from star_core.testing import estimate, scene
 from star_core.toolkit import fill_defaults
 from star_core.world.outlines import box

@@ -11,7 +11,7 @@ import pytest
 
 import star_core
 from star_core import Array, Limits, Order, Registry, Scene, Status, Tick, hookimpl, load
-from star_core.plugin_support.discovery import Source
+from star_core.discovery import Source
 from star_core.testing import scene
 from star_verbs.follow.files import PIECE_COLUMNS
 

@@ -21,7 +21,7 @@ from star_core import (
     load,
 )
 from star_core import fly as fly_mission
-from star_core.plugin_support.discovery import Source
+from star_core.discovery import Source
 from star_core.testing import estimate, health, scene
 from star_sim import ideal_world
 from star_sim.transport import Simulator

@@ -9,8 +9,7 @@ from pathlib import Path
 import pytest
 
 from star_ablate.reading import MEASURES, SEEDS, read, schema
-from star_core import InputError, Registry
-from star_core.plugin_support import discovery
+from star_core import InputError, Registry, discovery
 from star_core.toolkit import STUDY_COLUMNS
 
 HOP = "missions: [../hop.yaml]\n"

@@ -20,8 +20,8 @@ from star_basics.list_plugins import as_json, as_text, chosen
 from star_core import AvoiderSpec, InputError, TaskSpec, hookimpl
 from star_core.commands import CommandSpec
 from star_core.commands.main import main
-from star_core.plugin_support.discovery import Source
-from star_core.registry import Registry
+from star_core.discovery import Source
+from star_core.plugin_support.registry import Registry
 from star_yaml.editor_schema import for_editors
 from star_yaml.schema import compose, compose_steps, load
 
@@ -345,7 +345,7 @@ def test_left_out_plugins_are_reported_on_stderr_too(
             return True
 
     own = entry_points(group="star.plugins", name="basics")
-    found = "star_core.plugin_support.discovery.entry_points"
+    found = "star_core.discovery.entry_points"
     monkeypatch.setattr(found, lambda **_: [*own, Broken()])
     assert main(["plugins"]) == 0
     out, err = said.readouterr()

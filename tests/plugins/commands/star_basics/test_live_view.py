@@ -33,8 +33,8 @@ from star_core import (
     hookimpl,
 )
 from star_core.commands.main import main
-from star_core.plugin_support.discovery import Source
-from star_core.registry import Registry
+from star_core.discovery import Source
+from star_core.plugin_support.registry import Registry
 from star_core.runner import fly
 from star_core.testing import estimate, health, scene
 from star_core.toolkit.progress import REFRESH_PERIOD

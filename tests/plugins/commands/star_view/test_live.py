@@ -16,7 +16,7 @@ import pytest
 import star_view
 from star_core import Detections, Operator, Registry, Telemetry, Tick, fly, hookimpl, load
 from star_core.commands.main import main
-from star_core.plugin_support.discovery import Source
+from star_core.discovery import Source
 from star_core.testing import estimate
 from star_view.camera_images import CameraStream, Picture, mosaic
 from star_view.live_view import LiveView

@@ -9,9 +9,9 @@ from typing import Any, cast
 import pytest
 
 from star_core import PlannerSpec, Problem, Scene, StepGoal, TaskSpec, hookimpl
+from star_core.discovery import Source
 from star_core.errors import InputError
-from star_core.plugin_support.discovery import Source
-from star_core.registry import Registry
+from star_core.plugin_support.registry import Registry
 from star_yaml.mission_loader import load
 
 WORLD = """\

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from star_core.errors import InputError
-from star_core.registry import Registry
+from star_core.plugin_support.registry import Registry
 from star_yaml import schema
 from star_yaml.input_file import kind_of
 from tests.core.conftest import Lab

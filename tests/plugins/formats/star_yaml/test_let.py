@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from star_core.errors import InputError
-from star_core.registry import Registry
+from star_core.plugin_support.registry import Registry
 from star_core.toolkit import actions
 from star_yaml.mission_loader import load
 from star_yaml.yaml_reader import parse

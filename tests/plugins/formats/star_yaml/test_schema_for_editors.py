@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import pytest
 
-from star_core.registry import Registry
+from star_core.plugin_support.registry import Registry
 from star_yaml.editor_schema import editor_schema, for_editors
 from star_yaml.schema import compose, compose_steps
 

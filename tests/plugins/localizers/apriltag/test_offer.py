@@ -7,7 +7,7 @@ from typing import Any
 
 import star_apriltag
 from star_core import Localizer, Problem, Scene
-from star_core.registry import Registry
+from star_core.plugin_support.registry import Registry
 from star_core.toolkit import fill_defaults
 from tests.plugins.localizers.apriltag.conftest import Circle, localizer, room, sheets
 

@@ -11,7 +11,7 @@ import pytest
 
 import star_external
 from star_core import Registry, Scene, TaskSpec, hookimpl
-from star_core.plugin_support.discovery import Source
+from star_core.discovery import Source
 from star_core.testing import scene
 from star_core.toolkit import fill_defaults
 from star_external.external import External

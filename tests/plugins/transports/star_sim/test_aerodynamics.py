@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from star_core import Order
-from star_core.registry import Registry
+from star_core.plugin_support.registry import Registry
 from star_core.testing import scene
 from star_sim.aerodynamics import (
     COLUMNS,

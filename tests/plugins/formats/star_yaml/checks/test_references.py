@@ -10,19 +10,18 @@ from typing import Any
 import pytest
 
 import star_yaml
-from star_core.errors import InputError
-from star_core.hookspecs import hookimpl
-from star_core.plugin_support.discovery import Source
+from star_core.discovery import Source
+from star_core.errors import InputError, Problem
+from star_core.plugin_support.hookspecs import hookimpl
+from star_core.plugin_support.registry import Registry
 from star_core.plugin_support.specs import (
     SPECS,
     AvoiderSpec,
     LocalizerSpec,
     PlannerSpec,
-    Problem,
     TaskSpec,
     TransportSpec,
 )
-from star_core.registry import Registry
 from star_yaml.mission_loader import load
 from star_yaml.step_tree import rows_of
 from star_yaml.yaml_reader import parse

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from star_core import Mission, Registry
+    from star_core.errors import Problem
     from star_core.messages.events import Event, Flight, Tick
     from star_core.operator import Operator
     from star_core.plugin_support.specs import (
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
         KindSpec,
         LocalizerSpec,
         PlannerSpec,
-        Problem,
         RunOptionSpec,
         TaskSpec,
         TransportSpec,

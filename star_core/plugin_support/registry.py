@@ -10,9 +10,9 @@ from typing import Any
 
 import pluggy
 
-from star_core import hookspecs
+from star_core.discovery import Source, installed_plugins
 from star_core.errors import InputError, PluginError, suggestion
-from star_core.plugin_support.discovery import Source, installed_plugins
+from star_core.plugin_support import hookspecs
 from star_core.plugin_support.guard import PluginGuard
 from star_core.plugin_support.option_schema import sound
 from star_core.plugin_support.plugin_manager import PluginManager, default_name
