@@ -44,8 +44,11 @@ class Rules:
 
     def check(self, state: TickState) -> Sequence[Exclude]:
         """Return the agents that violate a rule from now on."""
-        new, time = [], state.telemetry.time
-        estimate, health = state.estimate, state.health
+        return self.violators(state.telemetry.time, state.estimate, state.health)
+
+    def violators(self, time: float, estimate: Estimate, health: Health) -> list[Exclude]:
+        """Return the agents that violate a rule from a mission time on, s."""
+        new = []
         for name, rule in self._rules.items():
             violated, duration, reasons = self._violations(name, rule, estimate, health)
             since = np.where(violated, np.fmin(self._since[name], time), np.nan)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import TypeAlias
 
 from star_core.contracts import Status, Task
@@ -16,6 +17,8 @@ from star_core.observers import Observers
 from star_core.plugin_support.compute_time import ComputeTime
 from star_core.plugin_support.guard import Strikes
 from star_core.plugin_support.registry import Registry
+from star_core.safety.rules import Rules
+from star_core.targets import Targets
 
 MakeTask: TypeAlias = Callable[[Action, tuple[int, ...], Callable[[], Task]], Task]
 """Returns the task of a step for some rows; calls the last argument for the task of a flight."""
@@ -45,17 +48,28 @@ class MissionSteps:
         tasks = _Tasks(mission, registry, compute_time, make)
         self._executor = StepExecutor(mission, tasks, assignments, observers, Strikes(limit=1))
         self._goals = Goals.none(len(mission.scene.agents))  # of the last tick
+        self._targets = Targets(mission.scene)
+        self._rules, self._assignments = Rules(mission.scene, mission.safety), assignments
 
     def step(self, estimate: Estimate, health: Health) -> tuple[Status, Instructions]:
         """Run one tick, at the time of the estimate; return the mission's status, and what to do.
+
+        As in a flight, targets are found by the sightings of the estimates, and agents that violate
+        a safety rule leave the mission.
 
         Raises:
             PluginError: A task raises, or breaks its contract.
         """
         self._observers.begin_tick(estimate.time)
+        self._targets.add(estimate.sightings, estimate.time)
+        health = replace(health, finder=self._targets.finder)
+        excluded = [each.row for each in self._rules.violators(estimate.time, estimate, health)]
+        self._assignments.vacate(excluded)
         tick = TickContext(estimate.time, estimate, health, {}, {}, {}, self._goals)
         status, instructions = self._executor.step(tick)
         self._goals = instructions.goals
+        if excluded:
+            instructions = instructions._replace(leave=instructions.leave | {*excluded})
         return status, instructions
 
     def close(self) -> list[str]:

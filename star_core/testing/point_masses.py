@@ -35,7 +35,6 @@ class PointMasses:
         phase: Of all agents at the start.
         acceleration: Greatest change of their velocities by setpoints, m/s².
         settling: Time from the end of a commanded climb or descent to the end of its phase, s.
-        targets: Number of targets, of which none is found.
 
     Attributes:
         time: Mission time, s.
@@ -54,7 +53,6 @@ class PointMasses:
         phase: AgentPhase = AgentPhase.GROUNDED,
         acceleration: float = np.inf,
         settling: Mapping[Order, float] = MappingProxyType({}),
-        targets: int = 0,
     ) -> None:
         n = len(position)
         self.time = 0.0
@@ -65,7 +63,6 @@ class PointMasses:
         self._frames = frames or Transform(np.zeros(n), np.zeros((n, 3)))
         self._acceleration = acceleration
         self._settling = settling
-        self._targets = targets
         self._setpoint = np.zeros((n, 3))  # m/s
         self._commanded = np.zeros(n, np.bool_)  # its command is not over
         self._finished = np.zeros(n, np.bool_)  # it was, and no other came since
@@ -204,8 +201,7 @@ class PointMasses:
     def health(self) -> Health:
         """Return the health of all agents: charged and connected."""
         n = len(self.phase)
-        unfound = np.full(self._targets, -1)
-        return Health(self.phase.copy(), np.full(n, CHARGED), np.zeros(n), unfound)
+        return Health(self.phase.copy(), np.full(n, CHARGED), np.zeros(n))
 
     def steered(self) -> Mask:
         """Return which agents setpoints fly: those in the air without a command, (N,)."""

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import Final, NamedTuple
 
 import numpy as np
 
 from star_core import (
+    AgentPhase,
     Array,
     Command,
     Goals,
@@ -31,6 +32,7 @@ from star_core.toolkit import (
 )
 from star_explain.passing import Passing
 from star_explain.rehearsed_task import RehearsedTask
+from star_explain.sighting import Lookout
 
 TICK: Final = 0.1  # s
 GAIN: Final = 1.5  # 1/s, of a planner without this option
@@ -129,15 +131,18 @@ def _run(mission: Mission, runner: MissionSteps, tasks: _Tasks, handling: _Handl
         np.array([agent.yaw for agent in scene.agents]),
         acceleration=limits.acceleration,
         settling=handling.settling,
-        targets=len({tag.of for tag in scene.world.targets}),
     )
+    lookout = Lookout(scene)
     passing = Passing(mission)
     tracks = _Tracks()
     tick, status = 0, Status.RUNNING
     while True:
         tasks.late = swarm.time > MAX_DURATION
         try:
-            status, instructions = runner.step(swarm.estimate(), swarm.health())
+            flies = swarm.phase == AgentPhase.FLYING
+            sightings = lookout.look(swarm.time, swarm.position, swarm.yaw, flies)
+            estimate = replace(swarm.estimate(), sightings=sightings)
+            status, instructions = runner.step(estimate, swarm.health())
         except PluginError as error:
             for task in tasks.made:
                 task.fail(str(error))
@@ -150,7 +155,7 @@ def _run(mission: Mission, runner: MissionSteps, tasks: _Tasks, handling: _Handl
         if status is not Status.RUNNING:
             break
         swarm.release(instructions.free)
-        for command in instructions.commands:
+        for command in (*instructions.commands, *_landings(instructions.leave, swarm)):
             swarm.command(_as_sent(command, swarm.position))
         steered = swarm.steered()
         velocity = straight_velocity(
@@ -167,6 +172,15 @@ def _run(mission: Mission, runner: MissionSteps, tasks: _Tasks, handling: _Handl
         tick += 1
         swarm.wait(tick * TICK)
     return tracks.rehearsal(tasks.made)
+
+
+def _landings(leave: Collection[int], swarm: PointMasses) -> Iterator[Command]:
+    """Yield the landing of agents that leave the mission, from where they are."""
+    rows = np.array([row for row in sorted(leave) if swarm.phase[row] == AgentPhase.FLYING], int)
+    if len(rows):
+        position = swarm.position[rows]
+        duration = min_landing_time(np.maximum(position[:, 2], 0.0))
+        yield Command(Order.LAND, rows, position * (1.0, 1.0, 0.0), swarm.yaw[rows], duration)
 
 
 def _as_sent(command: Command, position: Array) -> Command:

@@ -11,7 +11,9 @@ from star_core import Registry, fly, load
 TOLERANCE = 0.1  # of the duration of the flight
 
 
-@pytest.mark.parametrize("name", ["each_own_pace", "handover", "trajectory"])
+@pytest.mark.parametrize(
+    "name", ["each_own_pace", "handover", "safety", "search_flow", "trajectory"]
+)
 def test_a_rehearsal_takes_as_long_as_the_flight(name: str, missions: Path) -> None:
     registry = Registry()
     mission = load(missions / f"{name}.yaml", registry)
