@@ -11,12 +11,14 @@ from pathlib import Path
 from tokenize import TokenError
 from typing import Any, Final
 
+import numpy as np
+
 from star_core.errors import ContractError, InputError
 from star_core.formats import format_function
 from star_core.messages.arrays import Array
 from star_core.messages.telemetry import Detections
 from star_core.plugin_support.registry import Registry
-from star_core.records import record_files, run_html
+from star_core.records import record_files, run_html, unfinished
 from star_core.records.planned_paths import PlannedPaths
 from star_core.records.record_files import (
     MANIFEST,
@@ -29,6 +31,9 @@ from star_core.records.record_files import (
 )
 from star_core.world.scene import Agent
 from star_core.world.world import World
+
+OPTIONAL: Final = ("timing", "paths")
+"""Tables that a complete record may lack."""
 
 DAMAGE: Final = (
     *(OSError, ValueError, TypeError, LookupError, AttributeError, ContractError),
@@ -121,7 +126,9 @@ class Run:
 
 
 def read_run(folder: Path | str, *, flown: bool = False) -> Run:
-    """Return a recorded flight.
+    """Return a recorded flight; of one whose program was killed, what was recorded until then.
+
+    The outcome of the latter is ``interrupted``.
 
     Args:
         folder: Of the run, such as ``runs/latest``.
@@ -159,22 +166,35 @@ def _restore() -> Callable[[Mapping[str, Any], Path], tuple[tuple[Agent, ...], W
     return format_function("restore", Registry())
 
 
+def _table(folder: Path, name: str) -> dict[str, Any]:
+    """Return the columns of a table of a record, or of a record that is unfinished."""
+    file, rows = folder / f"{name}.npz", folder / f"{name}.rows"
+    if rows.exists() and not file.exists():
+        columns = unfinished.read_rows(rows)
+        if "agent" in columns:
+            columns["agent"] = columns["agent"].astype(np.int64)
+        return columns
+    return {} if name in OPTIONAL and not file.exists() else read_arrays(file)
+
+
 def _read(folder: Path) -> Run:
     """Return a recorded flight; raise one of `DAMAGE` if a file is not as it was written."""
     manifest = read_json(folder / "manifest.json")
     check_json(manifest, MANIFEST, "manifest.json")
-    summary = {"late_ticks": 0, "compute_s": {}} | read_json(folder / "summary.json")
+    swarm, world = _restore()(manifest, folder / "manifest.json")
+    arrays, timing, planned = (_table(folder, name) for name in ("trajectory", "timing", "paths"))
+    names = tuple(str(name) for name in arrays.pop("agents", [agent.name for agent in swarm]))
+    if (folder / "summary.json").exists() or not (folder / unfinished.EVENTS).exists():
+        summary = {"late_ticks": 0, "compute_s": {}} | read_json(folder / "summary.json")
+    else:
+        events = unfinished.read_events(folder / unfinished.EVENTS)
+        summary = unfinished.summary_of(manifest, names, arrays.get("time", ()), events)
     if (file := folder / "timing.json").exists():
         summary = _with_timing(summary, read_json(file))
     check_json(summary, SUMMARY, "summary.json")
-    arrays = read_arrays(folder / "trajectory.npz")
-    timing = read_arrays(file) if (file := folder / "timing.npz").exists() else {}
     tag_columns = read_arrays(file) if (file := folder / "detections.npz").exists() else None
     detections = Detections.none() if tag_columns is None else Detections(**tag_columns)
-    planned = read_arrays(file) if (file := folder / "paths.npz").exists() else None
-    paths = PlannedPaths.none() if planned is None else PlannedPaths(**planned)
-    names = tuple(str(name) for name in arrays.pop("agents"))
-    swarm, world = _restore()(manifest, folder / "manifest.json")
+    paths = PlannedPaths(**planned) if planned else PlannedPaths.none()
     check_arrays(arrays, names, [agent.name for agent in swarm])
     for rows in detections.agent, paths.agent:
         check_rows(rows, len(names))

@@ -62,7 +62,7 @@ def read_json(file: Path) -> Any:
         OSError: It cannot be read.
         ValueError: It is no regular file, or too large, or no JSON.
     """
-    return json.loads(_regular(file, MAX_JSON).read_text(encoding="utf-8"))
+    return json.loads(regular(file, MAX_JSON).read_text(encoding="utf-8"))
 
 
 def read_arrays(file: Path) -> dict[str, Any]:
@@ -73,7 +73,7 @@ def read_arrays(file: Path) -> dict[str, Any]:
         ValueError: It is no regular file; a name is not one that a recorder writes, an array is of
             objects or of another size than its header states, or all are larger than memory allows.
     """
-    _regular(file)
+    regular(file)
     limit = max(MAX_ARRAYS, MAX_RATIO * file.stat().st_size)
     with file.open("rb") as stream:
         with zipfile.ZipFile(stream) as archive:
@@ -188,8 +188,13 @@ def _is_image(path: Path) -> bool:
     return bool(width * height <= MAX_PIXELS)
 
 
-def _regular(file: Path, largest: float = math.inf) -> Path:
-    """Return a file that is neither a device nor a pipe, nor larger than that, bytes."""
+def regular(file: Path, largest: float = math.inf) -> Path:
+    """Return a file that is neither a device nor a pipe, nor larger than that, bytes.
+
+    Raises:
+        OSError: It cannot be examined.
+        ValueError: It is another one.
+    """
     status = file.stat()
     if not file.is_file():
         raise ValueError(f"{file.name} is no regular file")

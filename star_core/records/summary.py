@@ -126,10 +126,12 @@ class FlightSummary:
 
 def event_records(events: Iterable[Event]) -> list[dict[str, Any]]:
     """Return ``events`` of the summary, without what they lack."""
-    return [
-        {key: value for key, value in asdict(event).items() if value is not None}
-        for event in events
-    ]
+    return [*map(event_record, events)]
+
+
+def event_record(event: Event) -> dict[str, Any]:
+    """Return an event as JSON has it, without what it lacks."""
+    return {key: value for key, value in asdict(event).items() if value is not None}
 
 
 def _finite_or_none(value: float) -> float | None:

@@ -6,7 +6,7 @@ import csv
 import json
 import logging
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from star_core import Detections, Event, Flight, Frames, Image, Paths, Tick, hookimpl
-from star_core.commands import split_timing
+from star_core.commands import event_record, split_timing
 from star_record.spool import Spool
 from star_record.text_log import TextLog
 
@@ -46,7 +46,10 @@ class Recorder:
         self._full = False  # whether a tick could not be stored
         with self._reporting():
             folder.mkdir(parents=True, exist_ok=True)
-            self._trajectory, self._timing, self._paths = (Spool(folder) for _ in range(3))
+            self._trajectory, self._timing, self._paths = (
+                Spool(folder / f"{name}.rows") for name in ("trajectory", "timing", "paths")
+            )
+            self._events = (folder / "events.jsonl").open("x", encoding="utf-8", buffering=1)
             self._write("manifest.json", flight.manifest)
             self.log = TextLog(folder / "log.txt")
 
@@ -124,6 +127,8 @@ class Recorder:
     @hookimpl
     def star_event(self, event: Event) -> None:
         self.log.write(event)
+        with suppress(OSError):  # of a full disk, which the tables report
+            self._events.write(json.dumps(event_record(event)) + "\n")
 
     @hookimpl(specname="star_mission_ended")
     def close(self, summary: Mapping[str, Any]) -> None:
@@ -133,8 +138,10 @@ class Recorder:
             OSError: A file cannot be written, as after the folder was moved away or deleted.
         """
         self.log.finish(summary)
+        self._events.close()
         with self._reporting():
             self._write_tables(summary)
+            (self._folder / "events.jsonl").unlink(missing_ok=True)
 
     def _write_tables(self, summary: Mapping[str, Any]) -> None:
         for name, content in zip(("summary", "timing"), split_timing(summary), strict=True):

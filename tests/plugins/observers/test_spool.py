@@ -30,7 +30,7 @@ def test_columns_hold_the_rows_whatever_fits_into_memory(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, size: int
 ) -> None:
     monkeypatch.setattr(spool, "BUFFER_SIZE", size)
-    with Spool(tmp_path) as kept:
+    with Spool(tmp_path / "a.rows") as kept:
         for row in rows():
             kept.add(row)
             assert len(kept._buffer) < size
@@ -42,20 +42,20 @@ def test_columns_hold_the_rows_whatever_fits_into_memory(
 
 
 def test_times_starting_at_an_integer_keep_their_fractions(tmp_path: Path) -> None:
-    with Spool(tmp_path) as kept:
+    with Spool(tmp_path / "a.rows") as kept:
         for time in (0, 0.05):
             kept.add({"time": time})
         assert kept.columns()["time"].tolist() == [0.0, 0.05]
 
 
 def test_a_table_without_rows_has_no_columns(tmp_path: Path) -> None:
-    with Spool(tmp_path) as kept:
+    with Spool(tmp_path / "a.rows") as kept:
         assert kept.columns() == {}
 
 
 def test_no_file_is_left_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(spool, "BUFFER_SIZE", 1)
-    with Spool(tmp_path) as kept:
+    with Spool(tmp_path / "a.rows") as kept:
         kept.add(ROW)
     assert list(tmp_path.iterdir()) == []
 
@@ -64,7 +64,7 @@ def test_rows_written_before_the_disk_was_full_are_there(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(spool, "BUFFER_SIZE", 1)
-    with Spool(tmp_path) as kept:
+    with Spool(tmp_path / "a.rows") as kept:
         for row in rows()[:10]:
             kept.add(row)
         monkeypatch.setattr(kept, "_file", Full(kept._file))
