@@ -65,8 +65,18 @@ class Condition:
 
     @property
     def longest_wait(self) -> float:
-        """The longest `Elapsed` in it, s; 0 without one."""
-        return 0.0
+        """The longest time in it, s; 0 without one."""
+        return max((part.longest_wait for part in self.parts), default=0.0)
+
+    @property
+    def parts(self) -> tuple[Condition, ...]:
+        """The conditions that it consists of."""
+        return ()
+
+    @property
+    def has_elapsed(self) -> bool:
+        """Whether it depends on when a step began."""
+        return any(part.has_elapsed for part in self.parts)
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,6 +94,10 @@ class Elapsed(Condition):
     @property
     def longest_wait(self) -> float:
         return float(self.time)
+
+    @property
+    def has_elapsed(self) -> bool:
+        return True
 
     def __str__(self) -> str:
         return f"{self.time:g} s have passed"
@@ -245,8 +259,8 @@ class AnyOf(Condition):
         return min(condition.holds_from(others) for condition in self.conditions)
 
     @property
-    def longest_wait(self) -> float:
-        return max(condition.longest_wait for condition in self.conditions)
+    def parts(self) -> tuple[Condition, ...]:
+        return self.conditions
 
     def __str__(self) -> str:
         return f"({' or '.join(map(str, self.conditions))})"
@@ -262,11 +276,11 @@ class AllOf(Condition):
         return all(condition.holds(now) for condition in self.conditions)
 
     def holds_from(self, others: float) -> float:
-        return max(condition.holds_from(others) for condition in self.conditions)
+        return max((condition.holds_from(others) for condition in self.conditions), default=0.0)
 
     @property
-    def longest_wait(self) -> float:
-        return max(condition.longest_wait for condition in self.conditions)
+    def parts(self) -> tuple[Condition, ...]:
+        return self.conditions
 
     def __str__(self) -> str:
         return f"({' and '.join(map(str, self.conditions))})"
@@ -282,8 +296,8 @@ class Not(Condition):
         return not self.condition.holds(now)
 
     @property
-    def longest_wait(self) -> float:
-        return self.condition.longest_wait
+    def parts(self) -> tuple[Condition, ...]:
+        return (self.condition,)
 
     def __str__(self) -> str:
         return f"not {self.condition}"

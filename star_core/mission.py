@@ -83,7 +83,33 @@ class Repeat:
     at: tuple[str | int, ...] = ()
 
 
-Node: TypeAlias = Action | Parallel | Repeat
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """Steps that depend on a condition when they are reached.
+
+    Attributes:
+        when: The condition; an event in it happened at any time before.
+        rows: The agents that it is about unless it names others.
+        steps: If it holds, one after the other.
+        otherwise: If it does not, one after the other.
+        location: In the source, ``file:line:col``.
+        at: The path of its options in the document.
+    """
+
+    when: Condition
+    rows: tuple[int, ...]
+    steps: tuple[Node, ...]
+    otherwise: tuple[Node, ...]
+    location: str = ""
+    at: tuple[str | int, ...] = ()
+
+    @property
+    def label(self) -> str:
+        """File, line and condition, for messages: ``tour.yaml:3 if 2 targets are found``."""
+        return f"{_short(self.location)} if {self.when}"
+
+
+Node: TypeAlias = Action | Parallel | Repeat | Choice
 
 
 def nodes(steps: Sequence[Node], *, first: bool = False) -> Iterator[Node]:
@@ -91,7 +117,8 @@ def nodes(steps: Sequence[Node], *, first: bool = False) -> Iterator[Node]:
 
     Args:
         steps: One after the other, or at once.
-        first: Whether to yield, of the steps in a ``repeat``, only the one with which it begins.
+        first: Whether to yield, of the steps in a ``repeat`` and of each branch of a ``Choice``,
+            only the one with which it begins.
     """
     for step in steps:
         yield step
@@ -100,6 +127,9 @@ def nodes(steps: Sequence[Node], *, first: bool = False) -> Iterator[Node]:
                 yield from nodes(branches, first=first)
             case Repeat(_, inner):
                 yield from nodes(inner[:1] if first else inner, first=first)
+            case Choice():
+                for branch in (step.steps, step.otherwise):
+                    yield from nodes(branch[:1] if first else branch, first=first)
 
 
 def actions(steps: Sequence[Node], *, first: bool = False) -> Iterator[Action]:

@@ -1,4 +1,4 @@
-"""Runs the steps of a mission: sequences, ``parallel``, ``each``, ``repeat``."""
+"""Runs the steps of a mission: sequences, ``parallel``, ``each``, ``repeat``, ``if``."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from star_core.execution.step_run import (
 )
 from star_core.messages.commands import Trajectory
 from star_core.messages.state import UNFIT
-from star_core.mission import Action, Mission, Node, Parallel, Repeat
+from star_core.mission import Action, Choice, Mission, Node, Parallel, Repeat
 from star_core.observers import Observers
 from star_core.plugin_support.guard import Strikes
 from star_core.plugin_support.option_schema import JOIN, LEAVE
@@ -86,6 +86,8 @@ class StepExecutor:
                 return self._parallel(branches, rounds)
             case Repeat(times, steps):
                 return self._sequence(steps, rounds, times)
+            case Choice():
+                return self._choice(node, rounds)
 
     def _sequence(
         self, steps: Sequence[Node], rounds: Rounds = (), times: int = 1
@@ -114,6 +116,13 @@ class StepExecutor:
             if running:
                 yield Status.RUNNING
         yield Status.SUCCESS
+
+    def _choice(self, choice: Choice, rounds: Rounds) -> Iterator[Status]:
+        rows = tuple(self._assignments.holders(choice.rows).values())
+        holds = self._shared.holds(choice.when, self._tick, rows, begun=0.0)
+        text = f"{choice.label}: {'yes' if holds else 'no'}"
+        self._shared.observers.event("step", text, details={"location": choice.location})
+        yield from self._sequence(choice.steps if holds else choice.otherwise, rounds)
 
     def _action(self, action: Action, rounds: Rounds) -> Iterator[Status]:
         if action.verb == JOIN:

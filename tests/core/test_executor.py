@@ -377,6 +377,31 @@ def test_repeat_and_parallel_stand_in_each_other(lab: Lab) -> None:
     assert (first.details["verb"], first.details["rounds"]) == ("wait", [[1, 2], [1, 2]])
 
 
+@pytest.mark.parametrize(
+    ("when", "seconds"),
+    [("{time: 0.4}", 0.2), ("{time: 0.6}", 0.3), ("{event: step, agents: cf2}", 0.2),
+     ("{event: failure}", 0.3), ("{near: {agent: cf2, within: 0.1}, agents: cf1}", 0.3)],
+)  # fmt: skip
+def test_a_condition_chooses_steps_when_they_are_reached(
+    lab: Lab, when: str, seconds: float
+) -> None:
+    branches = "then: [wait: {seconds: 0.2}], else: [wait: {seconds: 0.3}]"
+    summary = lab.fly(f"\n  - wait: {{seconds: 0.5}}\n  - if: {{when: {when}, {branches}}}")
+    first, chosen = summary["steps"]
+    assert chosen["begun_s"] == first["ended_s"]
+    assert chosen["ended_s"] - chosen["begun_s"] == pytest.approx(seconds)
+    (text,) = (text for text in lab.said("step") if " if " in text)
+    assert text.endswith(": yes" if seconds == 0.2 else ": no")
+
+
+def test_a_choice_in_each_is_about_its_agent_and_may_be_empty(lab: Lab) -> None:
+    choice = "if: {when: {event: step}, then: [wait: {seconds: 0.2}]}"
+    near = "if: {when: {battery_below: 0.1}, then: [wait: {seconds: 0.2}]}"
+    summary = lab.fly(f"\n  - each: {{steps: [{choice}, {near}]}}")
+    assert summary["outcome"] == "completed"
+    assert [step["agents"] for step in summary["steps"]] == [["cf2"]]  # cf1 was before any step
+
+
 def test_a_step_that_is_repeated_begins_with_a_new_task(lab: Lab) -> None:
     made: list[Any] = []
 

@@ -86,7 +86,8 @@ class Author:
         kinds = [self._goto_each] * 3 + [self._formation] * 2 + [
             self._goto_group, self._goto_by, self._hold, self._wait, self._follow_path,
             self._follow_file, self._follow_polynomials, self._search, self._parallel,
-            self._parallel, self._repeat, self._each, self._include, self._land_again, self._leave,
+            self._parallel, self._repeat, self._each, self._if, self._include, self._land_again,
+            self._leave,
         ]  # fmt: skip
         return self._written(self._draw.choice(kinds), self._some_of(self._flying))
 
@@ -461,6 +462,16 @@ class Author:
         step = {key: value for key, value in goto["goto"].items() if key != "agents"}
         pause = {"hold": {"for": round(self._draw.uniform(0, 2), 1)}}
         return [{"each": {"agents": movers, "steps": [pause, {"goto": step}]}}]
+
+    def _if(self, movers: list[str]) -> list[Data]:
+        """Steps that lead to the same positions, whatever the condition."""
+        when = self._draw.choice([
+            {"battery_below": 3.0}, {"time": 8.5}, {"event": "step", "agents": movers[0]},
+            {"not": {"near": {"point": [0.0, 0.0, 1.0], "within": 1.0}, "agents": movers[-1]}},
+        ])  # fmt: skip
+        steps = self._goto_each(movers)
+        pause = {"hold": {"agents": movers, "for": 0.5}}
+        return [{"if": {"when": when, "then": steps, "else": [pause, *steps]}}]
 
     def _include(self, movers: list[str]) -> list[Data]:
         (goto,) = self._goto_by(movers)

@@ -8,13 +8,14 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from star_core import Registry, load
+from star_core import Mission, Registry, load
 from star_core.commands import add_set_option
 from star_core.toolkit import Progress, Rehearsal
 from star_explain.mermaid import mermaid
 from star_explain.origins import Origins
 from star_explain.plan import plan
-from star_explain.results import Group, Part, StepResult, results
+from star_explain.results import Group, Part, StepResult, results, with_others
+from star_explain.variants import variants
 from star_explain.words import facts, own_options
 
 
@@ -26,8 +27,9 @@ def run(options: argparse.Namespace, registry: Registry) -> int:
     """
     with Progress(f"rehearsing {options.mission}"):
         mission = load(Path(options.mission), registry, options.set)
-        rehearsal = registry.manager.hook.star_rehearse(mission=mission, registry=registry)
-        result = results(mission, registry, rehearsal, Origins(mission, registry, rehearsal))
+        rehearsal, result = _rehearsed(mission, registry)
+        others = [_rehearsed(variant, registry)[1] for variant in [*variants(mission)][1:]]
+        result = with_others(result, others)
     if options.mermaid:
         text = mermaid(mission.name, result)
     elif options.json:
@@ -36,6 +38,12 @@ def run(options: argparse.Namespace, registry: Registry) -> int:
         text = "\n".join([*facts(mission, registry), "", *plan(result, registry)]) + "\n"
     sys.stdout.write(text)
     return 0
+
+
+def _rehearsed(mission: Mission, registry: Registry) -> tuple[Rehearsal, Group]:
+    rehearsal = registry.manager.hook.star_rehearse(mission=mission, registry=registry)
+    origins = Origins(mission, registry, rehearsal)
+    return rehearsal, results(mission, registry, rehearsal, origins)
 
 
 def configure(line: argparse.ArgumentParser) -> None:
@@ -56,7 +64,10 @@ def as_data(part: Part, rehearsal: Rehearsal) -> dict[str, Any]:
     times = {"takes_s": part.takes, "timeout_s": part.limit}
     if isinstance(part, Group):
         how = "at_once" if part.at_once else "in_order"
+        title = {"when": part.title} if part.title else {}
+        how = "either" if part.title and part.at_once else how
         return {
+            **title,
             how: [as_data(inner, rehearsal) for inner in part.parts],
             "times": part.times,
             **times,

@@ -61,10 +61,12 @@ class _Chart:
         if not part.at_once:
             often = f"{part.times} times" if part.times > 1 else how(part, above)
             return self._framed(often, part, before)
-        fork = self._node("{{{{{}}}}}", "at once")
+        fork = self._node("{{{{{}}}}}", how(part, above) if part.title else "at once")
         self.line(f"{before} --> {fork}")
         ends = [self._part(branch, part, fork) for branch in part.parts]
-        join = self._node("{{{{{}}}}}", "all done")
+        join = self._node("{{{{{}}}}}", "done" if part.title else "all done")
+        if part.title and len(part.parts) == 1:
+            self.line(f"{fork} -- otherwise --> {join}")
         for end in ends:
             self.line(f"{end} --> {join}")
         return join

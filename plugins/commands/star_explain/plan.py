@@ -28,7 +28,7 @@ def times(part: Part) -> str:
 def alike(group: Group) -> Group | None:
     """Return the steps of the first branch if all branches are equal, as ``each`` may produce."""
     branches = [part for part in group.parts if isinstance(part, Group) and part.times == 1]
-    groups = group.at_once and len(branches) == len(group.parts)
+    groups = group.at_once and not group.title and len(branches) == len(group.parts)
     if groups and len({_lines(branch) for branch in branches}) == 1:
         return branches[0]
     return None
@@ -36,6 +36,8 @@ def alike(group: Group) -> Group | None:
 
 def how(group: Group, above: Group) -> str:
     """Return how the steps of a group run, or from which file they are."""
+    if group.title:
+        return group.title
     if group.times > 1:
         return f"{group.times} times one after the other"
     if group.file and group.file != above.file:

@@ -13,9 +13,23 @@ from star_explain.jam import jam_problems
 from star_explain.origins import Origins
 from star_explain.parked import parked_problems
 from star_explain.results import results, steps_of
+from star_explain.variants import variants
 
 
 def problems(
+    mission: Mission, registry: Registry, *, drifts: bool, margins: bool
+) -> Iterator[Problem]:
+    """Yield what rehearsals of all variants of a mission find, each once."""
+    by_variant = (
+        _of_variant(variant, registry, drifts=drifts, margins=margins)
+        for variant in variants(mission)
+    )
+    yield from dict.fromkeys(
+        problem for problems_of_one in by_variant for problem in problems_of_one
+    )
+
+
+def _of_variant(
     mission: Mission, registry: Registry, *, drifts: bool, margins: bool
 ) -> Iterator[Problem]:
     """Yield what a rehearsal finds: timeouts, goals, and obstacles in the way of agents or below.

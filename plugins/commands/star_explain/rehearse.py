@@ -24,6 +24,7 @@ from star_core import (
 from star_core.testing import MissionSteps, PointMasses, straight_velocity
 from star_core.toolkit import (
     Action,
+    Choice,
     Node,
     Parallel,
     Rehearsal,
@@ -228,3 +229,9 @@ def _without_timeouts(node: Node, actions: dict[int, Action]) -> Node:
             )
         case Repeat(_, steps):
             return replace(node, steps=tuple(_without_timeouts(step, actions) for step in steps))
+        case Choice(_, _, steps, otherwise):
+            return replace(
+                node,
+                steps=tuple(_without_timeouts(step, actions) for step in steps),
+                otherwise=tuple(_without_timeouts(step, actions) for step in otherwise),
+            )

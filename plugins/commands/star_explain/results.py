@@ -3,12 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 from star_core import Array, Mission, Registry
-from star_core.toolkit import Action, Node, Parallel, Rehearsal, RehearsedStep, Repeat
+from star_core.toolkit import (
+    Action,
+    Choice,
+    Node,
+    Parallel,
+    Rehearsal,
+    RehearsedStep,
+    Repeat,
+)
 from star_explain.origins import Origins
 from star_explain.surroundings import Surroundings
 
@@ -76,11 +84,13 @@ class Group:
         at_once: Whether they run in parallel.
         times: Number of repetitions.
         parts: The steps.
+        title: When they run, if that depends on a condition; of both branches, the condition.
     """
 
     at_once: bool
     times: int
     parts: tuple[Part, ...]
+    title: str = ""
 
     @property
     def file(self) -> str:
@@ -102,7 +112,8 @@ class Group:
         if any(step.duration is None for step in rounds):
             return None
         if not rounds:
-            return 0.0
+            times = [part.takes for part in self.parts if part.takes is not None]
+            return 0.0 if self.at_once else math.fsum(times)
         return max(step.ended for step in rounds) - min(step.begun for step in rounds)
 
     @property
@@ -134,6 +145,25 @@ def steps_of(part: Part) -> Iterator[StepResult]:
         yield from steps_of(inner)
 
 
+def with_others(group: Group, others: Sequence[Group]) -> Group:
+    """Return results in which steps that are not reached have those of another variant.
+
+    Args:
+        group: Of a mission.
+        others: Of variants of it.
+    """
+    inner = zip(group.parts, *(other.parts for other in others), strict=True)
+    return replace(group, parts=tuple(_reached(first, rest) for first, *rest in inner))
+
+
+def _reached(part: Part, others: Sequence[Part]) -> Part:
+    if isinstance(part, Group):
+        return with_others(part, [other for other in others if isinstance(other, Group)])
+    reached = (other for other in others if isinstance(other, StepResult) and other.rounds)
+    other = None if part.rounds else next(reached, None)
+    return part if other is None else replace(other, rounds=())  # which would prolong groups
+
+
 class _Tree:
     """Arranges the results of steps as the steps of the mission are."""
 
@@ -154,8 +184,16 @@ class _Tree:
                 parts = tuple(self.of(branch) for branch in branches)
                 return Group(at_once=True, times=1, parts=parts)
             case Repeat(times, steps):
-                parts = tuple(self.of(step) for step in steps)
-                return Group(at_once=False, times=times, parts=parts)
+                return self._sequence(steps, times=times)
+            case Choice(when, _, steps, otherwise):
+                sequences = [self._sequence(steps, title="if so")]
+                if otherwise:
+                    sequences.append(self._sequence(otherwise, title="otherwise"))
+                return Group(at_once=True, times=1, parts=tuple(sequences), title=f"if {when}")
+
+    def _sequence(self, steps: Sequence[Node], *, times: int = 1, title: str = "") -> Group:
+        parts = tuple(self.of(step) for step in steps)
+        return Group(at_once=False, times=times, parts=parts, title=title)
 
     def _action(self, action: Action) -> StepResult:
         rounds = tuple(self._origins.rounds.get(id(action), ()))

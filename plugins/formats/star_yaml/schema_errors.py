@@ -28,7 +28,8 @@ if TYPE_CHECKING:
     from jsonschema import ValidationError
 
 _MEANT: Final = {"agents": "swarm", "drones": "swarm", "robots": "swarm", "steps": "mission"}
-_NESTED: Final = (("repeat", "steps"), ("each", "steps"))  # where steps stand inside of a step
+_NESTED: Final = (("repeat", "steps"), ("each", "steps"), ("if", "then"), ("if", "else"))
+"""Where steps stand inside of a step."""
 
 
 class Fault(NamedTuple):

@@ -10,17 +10,28 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from itertools import pairwise
-from typing import Any, TypeAlias
+from typing import Any, Final, TypeAlias
 
 from star_core import PluginError, Problem, Registry, Scene
 from star_core.commands import SHARED, Source
-from star_core.formats import JOIN, MAX_LISTED, Document, Location
-from star_core.toolkit import Action, Node, Parallel, Repeat, fill_defaults, suggestion
+from star_core.formats import JOIN, MAX_LISTED, AllOf, Condition, Document, Location
+from star_core.toolkit import (
+    Action,
+    Choice,
+    Node,
+    Parallel,
+    Repeat,
+    fill_defaults,
+    suggestion,
+)
 from star_yaml import conditions
 from star_yaml.schema import UNKNOWN, Incomplete, Refused
 
 Groups: TypeAlias = Mapping[str, tuple[int, ...]]
 """Rows by the name of an agent or a group, or ``all``."""
+
+ALWAYS: Final = AllOf(())
+"""The condition of a step for one with a mistake."""
 
 
 def rows_of(selection: str | list[str], groups: Groups) -> tuple[int, ...]:
@@ -81,12 +92,21 @@ class StepBuilder:
             return Parallel(branches, at) if branches else self._unknown(path)
         if not isinstance(content, dict) or verb == "include":  # which could not be read
             return self._unknown(path)
+        return self._with_options(verb, content, path, groups, alone=len(step) == 1)
+
+    def _with_options(
+        self, verb: str, content: Mapping[str, Any], path: Location, groups: Groups, *, alone: bool
+    ) -> Node:
+        """Return a step whose verb has options; `alone` if nothing stands beside the verb."""
+        at = (*path, verb)
+        if verb == "if":
+            return self._choice(content, path, groups)
         options = {key: value for key, value in content.items() if key != "steps"}
         options = self._refused.without(options, at)
         if verb == "repeat":
             inner = self._steps(content.get("steps"), (*at, "steps"), groups)
             return Repeat(options.get("times", 1), inner, at) if inner else self._unknown(path)
-        is_known = not isinstance(options, Incomplete) and len(step) == 1
+        is_known = not isinstance(options, Incomplete) and alone
         rows, named = self._rows(options, at, groups, is_known=is_known)
         is_known = is_known and named
         if verb == "each":
@@ -106,6 +126,27 @@ class StepBuilder:
             return self._unknown(path)
         return Parallel(tuple(sequences), at, each=True)
 
+    def _choice(self, content: Mapping[str, Any], path: Location, groups: Groups) -> Node:
+        at = (*path, "if")
+        steps = self._steps(content.get("then"), (*at, "then"), groups)
+        if not steps:
+            return self._unknown(path)
+        return Choice(
+            when=self._condition(content.get("when"), (*at, "when")) or ALWAYS,
+            rows=groups["all"],
+            steps=steps,
+            otherwise=self._steps(content.get("else"), (*at, "else"), groups),
+            location=self._document.location_text(path),
+            at=at,
+        )
+
+    def _condition(self, written: Any, path: Location) -> Condition | None:
+        """Return a condition; None if there is none, or something is wrong with it."""
+        sound = self._refused.without(written, path)
+        clear = isinstance(sound, dict) and not isinstance(sound, Incomplete)
+        clear = clear and not isinstance(written, Incomplete)
+        return conditions.parse(sound, self._members) if clear else None
+
     def _action(
         self, verb: str, options: Mapping[str, Any], path: Location, rows: tuple[int, ...]
     ) -> Action:
@@ -117,14 +158,12 @@ class StepBuilder:
         except PluginError as error:
             self._report((*path, verb), error.message, error.code)
             is_known = False
-        until: Any = options.get("until")
-        clear = isinstance(until, dict) and not isinstance(until, Incomplete)
         return Action(
             verb=verb,
             source=source,
             rows=rows,
             options=values,
-            until=conditions.parse(until, self._members) if clear else None,
+            until=self._condition(options.get("until"), (*path, verb, "until")),
             timeout=options.get("timeout"),
             on_failure=options.get("on_failure", "abort"),
             location=self._document.location_text(path),

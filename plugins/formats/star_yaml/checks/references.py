@@ -10,8 +10,17 @@ from typing import Any, Final, Literal, TypeAlias
 
 from star_core import Problem, Registry, Scene
 from star_core.commands import PIPELINE_KINDS
-from star_core.formats import JOIN, LEAVE, MAX_LISTED, Document, Location, camera_faults, nodes
-from star_core.toolkit import Action, Node, Parallel, Repeat, actions, suggestion
+from star_core.formats import (
+    JOIN,
+    LEAVE,
+    MAX_LISTED,
+    Condition,
+    Document,
+    Location,
+    camera_faults,
+    nodes,
+)
+from star_core.toolkit import Action, Choice, Node, Parallel, Repeat, actions, suggestion
 from star_yaml import conditions
 from star_yaml.checks import feasibility
 from star_yaml.checks.plugin_checks import PluginChecks
@@ -68,6 +77,8 @@ def of_mission(
             if not node.each:
                 yield from _shared(node, scene)
             yield from _resource_conflicts(node, plugins)
+        elif isinstance(node, Choice):
+            yield from _condition(node.when, (*node.at, "when"), scene, plugins)
     if (reserve := _reserve_rows(data, scene)) is not None:
         yield from airborne_problems(steps, scene, reserve, registry)
         yield from room.climbs(actions(steps), reserve)
@@ -147,6 +158,18 @@ def _action(step: Action, scene: Scene, plugins: PluginChecks) -> Iterator[Probl
             if plugins.enabled or problem.path[-1:] != ("found",):
                 yield problem._replace(path=(*step.at, "until", *problem.path))
     yield from plugins.problems("task", step.verb, step.at, step.options, step.rows)
+
+
+def _condition(
+    when: Condition, path: Location, scene: Scene, plugins: PluginChecks
+) -> Iterator[Problem]:
+    """Yield what is wrong with a condition that is not one of a step."""
+    if when.has_elapsed:
+        message = "'elapsed' is the time of a step, and this is about none; write 'time'"
+        yield Problem(path, message, "option-conflict")
+    for problem in conditions.until_problems(when, None, scene, range(len(scene.agents))):
+        if plugins.enabled or problem.path[-1:] != ("found",):
+            yield problem._replace(path=(*path, *problem.path))
 
 
 def _shared(node: Parallel, scene: Scene) -> Iterator[Problem]:
@@ -229,6 +252,13 @@ class _Walk:
                 case Repeat(times, inner):
                     for _ in range(min(times, ROUNDS)):
                         yield from self.through(inner, together=together)
+                case Choice():
+                    before = [*self._states]
+                    yield from self.through(step.steps, together=together)
+                    after, self._states[:] = [*self._states], before
+                    yield from self.through(step.otherwise, together=together)
+                    pairs = zip(after, self._states, strict=True)
+                    self._states[:] = [a if a == b else None for a, b in pairs]
 
     def _action(self, action: Action, *, together: bool) -> Iterator[Problem]:
         """Yield what is wrong with one step, and update the states of its agents."""

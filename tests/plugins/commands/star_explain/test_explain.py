@@ -132,6 +132,34 @@ def test_steps_over_again_take_as_often_as_long(explain: Explain) -> None:
     assert "2  3 times one after the other: about 6.2 s, at most 33 s" in explain(steps)
 
 
+CHOICE = """\
+  - takeoff: {height: 0.6}
+  - if: {when: {battery_below: 3.0}, then: [hold: {for: 3}], else: [hold: {for: 1}]}
+  - if: {when: {time: 60}, then: [hold: {for: 2}]}
+"""
+
+
+def test_both_outcomes_of_a_choice_are_reported_with_times(explain: Explain) -> None:
+    lines = explain(CHOICE).splitlines()
+    titles = [line.split("  ", 2)[-1] for line in lines if " if " in line or "otherwise" in line]
+    assert [title.strip() for title in titles] == [
+        "if a battery is below 3 V: about 1.0 s, at most 14 s",
+        "if so: about 3.0 s, at most 14 s",
+        "otherwise: about 1.0 s, at most 8.0 s",
+        "if it is 60 s after the start: about 0.0 s, at most 11 s",
+        "if so: about 2.0 s, at most 11 s",
+    ]
+
+
+def test_a_choice_is_drawn_with_its_two_ways(explain: Explain) -> None:
+    chart = explain(CHOICE, "--mermaid")
+    assert '{{"if a battery is below 3 V"}}' in chart
+    assert chart.count('["if so"]') == 2
+    assert chart.count(" -- otherwise --> ") == 1
+    data = json.loads(explain(CHOICE, "--json"))["plan"]["in_order"]
+    assert (data[1]["when"], len(data[1]["either"])) == ("if a battery is below 3 V", 2)
+
+
 def test_steps_of_each_agent_are_reported_once(explain: Explain) -> None:
     text = explain("  - takeoff: {}\n  - each: {steps: [goto: {by: [0, 1, 0]}, land: {}]}\n")
     assert "2  each by itself, cf1, cf2: about" in text

@@ -229,8 +229,8 @@ def test_a_mistake_in_a_plugins_option_names_the_plugin(options: str, expected: 
         ("takeof: {}", "5: unknown verb 'takeof'; did you mean 'takeoff'?"),
         (
             "fly: {}",
-            "5: unknown verb 'fly'; expected one of: parallel, repeat, include, each, goto, land, "
-            "takeoff",
+            "5: unknown verb 'fly'; expected one of: parallel, repeat, if, include, each, goto, "
+            "land, takeoff",
         ),
         (
             "{goto: {to: [0, 0, 1]}, land: {}}",
