@@ -84,10 +84,10 @@ class Author:
         if lost:  # so that it is known again where they are
             return self._written(self._goto_each, self._flying)
         kinds = [self._goto_each] * 3 + [self._formation] * 2 + [
-            self._goto_group, self._goto_by, self._hold, self._wait, self._follow_path,
-            self._follow_file, self._follow_polynomials, self._search, self._parallel,
-            self._parallel, self._repeat, self._each, self._if, self._include, self._land_again,
-            self._leave,
+            self._goto_group, self._goto_by, self._beside, self._hold, self._wait,
+            self._follow_path, self._follow_file, self._follow_polynomials, self._search,
+            self._parallel, self._parallel, self._repeat, self._each, self._if, self._include,
+            self._land_again, self._leave,
         ]  # fmt: skip
         return self._written(self._draw.choice(kinds), self._some_of(self._flying))
 
@@ -265,6 +265,22 @@ class Author:
             return {"agents": self._agents(movers), "by": list(offset)}
 
         return [{"goto": self._tried(made) | self._travel()}]
+
+    def _beside(self, movers: list[str]) -> list[Data]:
+        """A goal beside an agent that stays."""
+        draw, mover = self._draw, movers[0]
+        others = [n for n in self._flying if n not in movers[:1] and self._position[n] is not None]
+        if not others:
+            raise Infeasible
+        other = draw.choice(others)
+        at = self._position[other]
+        assert at is not None
+        goal = self._free_point([name for name in self._position if name != mover])
+        by = [round(b - a, 2) for a, b in zip(at, goal, strict=True)]
+        self._position[mover] = goal
+        options: Data = {"agents": mover, "relative_to": other, "by": by}
+        options |= self._some({"moving": True}, share=0.5)
+        return [{"goto": options | self._travel()}]
 
     def _shifted(self, names: Sequence[str], offset: Point) -> dict[str, Point]:
         at = {name: self._position[name] or self.start[name] for name in names}

@@ -8,7 +8,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from star_core import Array, Estimate, Goals, Health, Scene, Status, TaskOutput
+from star_core import Array, Estimate, Goals, Health, Rows, Scene, Status, TaskOutput
 from star_core.toolkit import shortlist, timeout
 from star_verbs.positions import spread
 from star_verbs.step_agents import DURATION_ERROR, StepAgents, assign
@@ -92,17 +92,21 @@ class Approach:
         if self._target is not None or not self.agents.located(estimate):
             return
         rows = self.agents.rows
-        position = estimate.position[rows]
-        if self._before is not None:
-            goal = self._before.position[rows]
-            error = np.linalg.norm(position - goal, axis=1)
-            near = self._before.active[rows] & (error <= MAX_GOAL_ERROR)
-            position = np.where(near[:, None], goal, position)
-        self._target = self.target(position)
+        self._target = self.target(self.origins(rows, estimate))
         yaw = self._yaw_deg
         self._yaw = estimate.yaw[rows] if yaw is None else np.full(len(rows), math.radians(yaw))
         self.goals = self.agents.goals(self._target, self._yaw, self._speed)
         self._fault = self.target_fault(self._target)
+
+    def origins(self, rows: Rows, estimate: Estimate) -> Array:
+        """Return the positions of some agents, or the goals that they are near to, (K, 3) m."""
+        position = estimate.position[rows]
+        if self._before is None:
+            return position
+        goal = self._before.position[rows]
+        error = np.linalg.norm(position - goal, axis=1)
+        near = self._before.active[rows] & (error <= MAX_GOAL_ERROR)
+        return np.where(near[:, None], goal, position)
 
     def target_fault(self, target: Array) -> str:
         """Return which agents have goals that are not flyable, and why; empty if none.
@@ -139,6 +143,9 @@ class Approach:
 class Goto(Approach):
     """Sends agents to a point, spread around it, or each of them by an offset.
 
+    The point may be one at an offset from another agent. While it moves with that agent, it stays
+    where it was last as long as no agent can be where it should be.
+
     The arguments beside scene and rows are the verb's options.
     """
 
@@ -149,6 +156,8 @@ class Goto(Approach):
         *,
         to: Sequence[float] | None = None,
         by: Sequence[float] = (0.0, 0.0, 0.0),
+        relative_to: str | None = None,
+        moving: bool = False,
         spacing: float,
         **approach: Any,
     ) -> None:
@@ -156,6 +165,43 @@ class Goto(Approach):
         self._to = to
         self._by = by
         self._spacing = spacing
+        self._other = None if relative_to is None else scene.names.index(relative_to)
+        self._moving = moving
+
+    def travel_timeout(self, estimate: Estimate, extra: float = 0.0) -> float:
+        if not self._moving:
+            return super().travel_timeout(estimate, extra)
+        travel = self.agents.travel_distance(estimate, None)  # wherever the other agent flies
+        return self.agents.timeout(travel / self._speed + extra)
+
+    def aim(self, estimate: Estimate) -> None:
+        if self._other is None:
+            super().aim(estimate)
+        elif estimate.valid[self._other] and (self._moving or self._target is None):
+            self._aim_beside(self._other, estimate)
+
+    def _aim_beside(self, other: int, estimate: Estimate) -> None:
+        """Set the goals for where another agent is."""
+        position = estimate.position[other]
+        if not self._moving:
+            position = self.origins(np.array([other]), estimate)[0]
+        point = position + np.array(self._by, np.float64)
+        if self._target is None:
+            flyable = self.agents.scene.position_fault(tuple(point.tolist())) is None
+            if flyable or not self._moving:
+                self._to = point.tolist()
+                super().aim(estimate)
+            return
+        target = self._target + (point - np.array(self._to))
+        if not super().target_fault(target):
+            self._to, self._target = point.tolist(), target
+            velocity = np.broadcast_to(estimate.velocity[other], target.shape)
+            self.goals = self.agents.goals(target, self._yaw, self._speed, velocity)
+
+    def arrived(self, estimate: Estimate) -> bool:
+        if not self._moving:
+            return super().arrived(estimate)
+        return self.distance(estimate) <= self._within
 
     def target(self, position: Array) -> Array:
         if self._to is None:
@@ -187,7 +233,7 @@ class Hold(Goto):
     ) -> None:
         self._seconds: float = options.pop("for")  # a keyword of Python
         super().__init__(scene, rows, to=at, **options)
-        self._stays = at is None
+        self._stays = at is None and self._other is None
         self._since: float | None = None
 
     def begin(self, estimate: Estimate, health: Health) -> float:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Mapping
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 from star_core import Problem, TaskSpec, deferred
-from star_core.toolkit import number
+from star_core.formats import MAX_LISTED
+from star_core.toolkit import number, suggestion
 from star_verbs.follow.spec import SPEC as FOLLOW
 from star_verbs.formation.spec import SPEC as FORMATION
 from star_verbs.positions import (
@@ -40,12 +42,16 @@ def _check_leave(scene: Scene, _rows: tuple[int, ...], **options: Any) -> Iterat
 
 def _check_hold(scene: Scene, rows: tuple[int, ...], **options: Any) -> Iterator[Problem]:
     yield from speed_problems(scene, options)
+    if "by" in options and "relative_to" not in options:
+        yield Problem(("by",), "'by' goes with 'relative_to', which is missing", "missing-option")
+    yield from _relative_problems(scene, rows, "at", options)
     yield from spread_problems(scene, rows, key="at", **options)
 
 
 def _check_goto(scene: Scene, rows: tuple[int, ...], **options: Any) -> Iterator[Problem]:
     yield from speed_problems(scene, options)
     yield from exactly_one("to", "by", options)
+    yield from _relative_problems(scene, rows, "to", options)
     yield from spread_problems(scene, rows, key="to", **options)
     offset = options.get("by", (0.0, 0.0, 0.0))
     for axis, by, extent in zip("xyz", offset, extents(scene), strict=True):
@@ -53,6 +59,39 @@ def _check_goto(scene: Scene, rows: tuple[int, ...], **options: Any) -> Iterator
             where = "the heights to fly at are" if axis == "z" else "the fence is"
             message = f"{abs(by):g} m along {axis}, where {where} only {extent:g} m"
             yield Problem(("by",), message, "unreachable-goal")
+
+
+def _relative_problems(
+    scene: Scene, rows: tuple[int, ...], point: str, options: Mapping[str, Any]
+) -> Iterator[Problem]:
+    """Check a goal beside another agent; `point` is the option for one in the map."""
+    other = options.get("relative_to")
+    if other is None:
+        if options.get("moving"):
+            message = "'moving' goes with 'relative_to', which is missing"
+            yield Problem(("moving",), message, "missing-option")
+        return
+    if point in options:
+        message = f"{point!r} does not go with 'relative_to', write 'by'"
+        yield Problem((point,), message, "option-conflict")
+    elif "by" not in options:
+        message = "'relative_to' goes with 'by', which is missing"
+        yield Problem(("relative_to",), message, "missing-option")
+    if other not in scene.names:
+        hint = suggestion(other, scene.names, "there are", MAX_LISTED)
+        yield Problem(("relative_to",), f"no agent named {other!r}{hint}", "unknown-agent")
+    elif scene.names.index(other) in rows:
+        message = f"{other!r} is an agent of this step; name another, or other agents"
+        yield Problem(("relative_to",), message, "agent-conflict")
+    if "by" in options and (limits := scene.limits).separation > 0:
+        x, y, z = options["by"]
+        if math.hypot(x, y) / limits.separation < 1 and abs(z) < limits.vertical_separation:
+            away = math.hypot(x, y, z)
+            message = (
+                f"{away:.2f} m from {other!r}; agents keep {limits.separation:g} m from each "
+                f"other, and {limits.vertical_separation:g} m above each other"
+            )
+            yield Problem(("by",), message, "too-close")
 
 
 _CLIMB_HEIGHT = bounded("Height to climb to, z in the map, m.", default=0.8)
@@ -63,6 +102,17 @@ _YAW = {
     "description": "Heading to turn to, degrees anticlockwise from the map's x axis; "
     "each agent keeps its own if not given.",
     "examples": [90],
+}
+_RELATIVE_TO = {
+    "type": "string",
+    "description": "Another agent, from whose position 'by' is counted; several agents spread "
+    "around that point. If not given, 'by' is counted from each agent's own.",
+    "examples": ["cf1"],
+}
+_MOVING = {
+    "type": "boolean",
+    "description": "Whether the goal moves with the agent of 'relative_to'; if false or not given, "
+    "it is that at the start of the step.",
 }
 SPECS: Final[tuple[TaskSpec, ...]] = (
     TaskSpec(
@@ -105,6 +155,13 @@ SPECS: Final[tuple[TaskSpec, ...]] = (
                     "each agent stays at its position if not given.",
                     [0.0, 0.0, 1.2],
                 ),
+                "by": point(
+                    "Offset from the agent of 'relative_to', [x, y, z] along the map's axes, m; "
+                    "none if not given.",
+                    [-0.6, 0.0, 0.0],
+                ),
+                "relative_to": _RELATIVE_TO,
+                "moving": _MOVING,
                 "yaw_deg": _YAW,
                 "speed": TRAVEL_SPEED,
                 "spacing": SPACING,
@@ -181,6 +238,8 @@ SPECS: Final[tuple[TaskSpec, ...]] = (
                     "Give this or 'to'.",
                     [0.5, 0.0, 0.0],
                 ),
+                "relative_to": _RELATIVE_TO,
+                "moving": _MOVING,
                 "yaw_deg": _YAW,
                 "speed": TRAVEL_SPEED,
                 "spacing": SPACING,

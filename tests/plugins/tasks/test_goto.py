@@ -213,3 +213,72 @@ def test_timeouts_of_large_swarms_allow_for_several_crossings(make: Any) -> None
     ]
     assert limits[0] == limits[1]
     assert limits[2] - 5.0 == pytest.approx(2 * (limits[1] - 5.0), rel=0.1)
+
+
+def test_agents_go_beside_another_agent_at_the_start_of_the_step(make: Any, fly: Any) -> None:
+    room = scene(2)
+    task = make("goto", room, (0,), relative_to="cf2", by=[0.0, 1.0, 0.2], within=0.02)
+    flown = fly(task, room, AIR[:2])
+    assert flown.status is Status.SUCCESS
+    assert flown.end[0] == pytest.approx([0.5, 1.0, 1.0], abs=0.02)
+
+
+def test_several_agents_spread_around_a_point_beside_another(make: Any, fly: Any) -> None:
+    room = scene(3)
+    task = make("hold", room, (0, 1), relative_to="cf3", by=[0.0, 1.0, 0.0], spacing=0.8)
+    flown = fly(task, room, AIR)
+    assert flown.end[:2].mean(axis=0) == pytest.approx([1.5, 1.0, 0.8], abs=0.1)
+
+
+def test_a_goal_beside_an_agent_waits_until_that_is_located(make: Any) -> None:
+    room = scene(2)
+    task = make("goto", room, (0,), relative_to="cf2", by=[0.0, 1.0, 0.2])
+    line = np.array(AIR[:2])
+    unlocated = replace(estimate(line), valid=np.array([True, False]))
+    task.begin(unlocated, health(2))
+    assert task.step(unlocated, health(2)).goals is None
+    goals = task.step(estimate(line), health(2)).goals
+    assert goals.position[0].tolist() == [0.5, 1.0, 1.0]
+
+
+def test_a_moving_goal_stays_where_agents_can_be(make: Any) -> None:
+    room = replace(scene(2), world=World("hall", Fence((-3.0, -3.0, 0.0), (3.0, 3.0, 3.0))))
+    task = make("hold", room, (0,), relative_to="cf2", by=[0.0, 1.0, 0.0], moving=True)
+    passed: list[float] = []
+    for y in (0.0, 1.5, 2.5, 1.0):
+        there = estimate(np.array([[0.0, 0, 1], [1.0, y, 1]]))
+        if not passed:
+            task.begin(there, health(2))
+        passed.append(task.step(there, health(2)).goals.position[0, 1])
+    assert passed == [1.0, 2.5, 2.5, 2.0]
+
+
+ESCORT = """\
+star: 1
+name: escort
+world: room.yaml
+swarm: {cf1: {start: [1, 0, 0]}, cf2: {start: [1, 1, 0]}}
+transport: {use: sim, profile: ideal, controller: ideal, noise: false}
+localizer: flow
+planner: straight
+avoider: orca
+mission:
+  - takeoff: {height: 0.8}
+  - parallel:
+      - follow: {agents: cf1, path: circle, size: 2, centre: [0, 0, 0.8], speed: 0.3}
+      - hold: {agents: cf2, relative_to: cf1, by: [0, 1, 0], moving: true, for: 15}
+"""
+
+
+def test_an_agent_escorts_another_that_flies_a_circle(tmp_path: Path) -> None:
+    (tmp_path / "room.yaml").write_text(
+        "star: 1\nname: room\nfence: {low: [-3, -3, 0], high: [3, 3, 2]}\n"
+    )
+    (tmp_path / "escort.yaml").write_text(ESCORT)
+    registry = Registry()
+    mission = load(tmp_path / "escort.yaml", registry)
+    rehearsal = registry.manager.hook.star_rehearse(mission=mission, registry=registry)
+    (hold,) = (step for step in rehearsal.steps if step.action.verb == "hold")
+    beside = np.diff(rehearsal.position[rehearsal.during(hold)], axis=1)[:, 0]
+    assert np.linalg.norm(beside - [0.0, 1.0, 0.0], axis=1).max() < 0.15
+    assert hold.duration == pytest.approx(15.0, abs=0.5)
