@@ -71,10 +71,13 @@ class GoalDraft:
         self._yaw[row], self._speed[row], self.active[row] = yaw, speed, True
 
     def take(self, goals: Goals, rows: Rows) -> None:
-        """Take over the goals of some agents."""
-        self.position[rows], self._velocity[rows] = goals.position[rows], goals.velocity[rows]
-        self._yaw[rows], self._speed[rows] = goals.yaw[rows], goals.speed[rows]
-        self.active[rows] = True
+        """Take over the goals of some agents, in the order of their rows."""
+        some_or_all: Rows | slice = rows if len(rows) < len(self.active) else slice(None)
+        self.position[some_or_all] = goals.position[some_or_all]
+        self._velocity[some_or_all] = goals.velocity[some_or_all]
+        self._yaw[some_or_all] = goals.yaw[some_or_all]
+        self._speed[some_or_all] = goals.speed[some_or_all]
+        self.active[some_or_all] = True
 
     def hold(self, rows: Mask, estimate: Estimate, speed: float) -> None:
         """Set the goals of some agents, (N,), to their positions."""

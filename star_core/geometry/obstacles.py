@@ -5,14 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import combinations, product
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-import shapely
-from shapely import MultiPolygon, Polygon
 
 from star_core.messages.arrays import Array, Rows
 from star_core.world.world import Obstacle
+
+if TYPE_CHECKING:
+    from shapely import MultiPolygon
 
 CHORDS: Final = 4  # of a quarter circle around a corner
 OFFSET_RATIO: Final = 1 / math.cos(math.pi / (4 * CHORDS))
@@ -47,8 +48,10 @@ def footprint(
         >>> footprint([pillar], 2.0, 2.5, clearance=0.2).is_empty
         True
     """
+    import shapely
+
     pieces = [
-        Polygon(polygon)
+        shapely.Polygon(polygon)
         for obstacle in obstacles
         if obstacle.height[0] < high and low < obstacle.height[1]
         for polygon in obstacle.polygons
@@ -58,8 +61,8 @@ def footprint(
     if clearance > 0:
         covered = shapely.buffer(covered, OFFSET_RATIO * clearance, quad_segs=CHORDS)
     covered = shapely.simplify(covered, TOLERANCE)
-    areas = [area for area in shapely.get_parts(covered) if isinstance(area, Polygon)]
-    return MultiPolygon([area for area in areas if not area.is_empty])
+    areas = [area for area in shapely.get_parts(covered) if isinstance(area, shapely.Polygon)]
+    return shapely.MultiPolygon([area for area in areas if not area.is_empty])
 
 
 def obstacle_meshes(obstacle: Obstacle) -> Iterator[tuple[Array, Rows]]:
@@ -73,6 +76,8 @@ def obstacle_meshes(obstacle: Obstacle) -> Iterator[tuple[Array, Rows]]:
         >>> [(len(vertices), len(faces)) for vertices, faces in obstacle_meshes(pillar)]
         [(8, 10)]
     """
+    import shapely
+
     bottom, top = obstacle.height
     for polygon in obstacle.polygons:
         n, flat = len(polygon), np.array(polygon, np.float64)

@@ -149,6 +149,10 @@ class Table:
             object.__setattr__(made, name, value)
         return made
 
+    def __reduce__(self) -> tuple[Any, tuple[Any, ...]]:
+        """Pickle the values alone: a recorded tick has ten tables."""
+        return type(self).made, tuple([getattr(self, name) for name in self.__slots__])
+
     @classmethod
     def none(cls, n: int = 0) -> Self:
         """Return a table of `n` rows of zeros: without an item, or without an active one."""

@@ -6,18 +6,20 @@ Shapes and types of a table are checked when it is made.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from numbers import Real
 from typing import Any, Final
 
 import numpy as np
 
 from star_core.errors import ContractError
-from star_core.messages.arrays import Mask, Rows, every, require_rows, require_type
+from star_core.messages.arrays import Mask, Rows, Table, every, require_rows, require_type
 from star_core.messages.state import Estimate, Plan, Setpoint, Truth
 from star_core.messages.telemetry import Telemetry
 
 TIME_TOLERANCE: Final = 1e-3  # s; clocks of computers have a resolution
+ESTIMATED: Final = ("position", "velocity", "yaw", "covariance")  # columns of estimates
+CORRECTED: Final = ("position", "attitude", "position_deviation")  # of corrections
 
 
 def checked_time(answer: Any, until: float) -> float:
@@ -42,7 +44,8 @@ def checked_telemetry(answer: object, n: int) -> Telemetry:
     if not math.isfinite(telemetry.time):
         raise ContractError(f"Telemetry.time is {telemetry.time!r}, expected a number")
     for name in ("odometry", "frames", "detections", "fixes"):
-        _require_agents(f"Telemetry.{name}.agent", getattr(telemetry, name).agent, n)
+        if len(rows := getattr(telemetry, name).agent):
+            _require_agents(f"Telemetry.{name}.agent", rows, n)
     return telemetry
 
 
@@ -72,26 +75,22 @@ def checked_estimate(answer: object, n: int) -> Estimate:
     """
     estimate = require_type(answer, Estimate)
     require_rows(estimate, len(estimate.position), n)
-    for name in ("position", "velocity", "yaw", "covariance"):
-        _require_finite(f"Estimate.{name}", getattr(estimate, name), estimate.valid)
+    _require_finite(estimate, "Estimate.{}", ESTIMATED, estimate.valid)
     frames = estimate.map_from_odom
-    _require_finite("Estimate.map_from_odom.yaw", frames.yaw, estimate.valid)
-    _require_finite("Estimate.map_from_odom.translation", frames.translation, estimate.valid)
+    _require_finite(frames, "Estimate.map_from_odom.{}", ("yaw", "translation"), estimate.valid)
     for name in ("sightings", "detections"):
-        _require_agents(f"Estimate.{name}.agent", getattr(estimate, name).agent, n)
+        if len(rows := getattr(estimate, name).agent):
+            _require_agents(f"Estimate.{name}.agent", rows, n)
     if len(corners := estimate.detections.corners):
         everywhere = np.ones(len(corners), np.bool_)
-        _require_finite("Estimate.detections.corners", corners, everywhere)
+        _require_finite(estimate.detections, "Estimate.detections.{}", ("corners",), everywhere)
     corrections = estimate.corrections
     if len(corrections.agent):
         _require_agents("Estimate.corrections.agent", corrections.agent, n)
-        everywhere = np.ones(len(corrections.agent), np.bool_)
-        for name in ("position", "attitude", "position_deviation"):
-            _require_finite(f"Estimate.corrections.{name}", getattr(corrections, name), everywhere)
-        deviation = corrections.attitude_deviation
-        _require_finite(
-            "Estimate.corrections.attitude_deviation", deviation, ~np.isposinf(deviation)
-        )
+        everywhere, text = np.ones(len(corrections.agent), np.bool_), "Estimate.corrections.{}"
+        _require_finite(corrections, text, CORRECTED, everywhere)
+        known = ~np.isposinf(corrections.attitude_deviation)
+        _require_finite(corrections, text, ("attitude_deviation",), known)
     return estimate
 
 
@@ -99,7 +98,8 @@ def checked_plan(answer: object, n: int) -> Plan:
     """Return a planner's plan for `n` agents, finite where it is active; raise `ContractError`."""
     plan = require_type(answer, Plan)
     checked_setpoint(plan.setpoint, n)
-    _require_agents("Plan.paths.agent", plan.paths.agent, n)
+    if len(plan.paths.agent):
+        _require_agents("Plan.paths.agent", plan.paths.agent, n)
     if not isinstance(plan.reasons, Mapping):
         raise ContractError(f"Plan.reasons is {plan.reasons!r}, expected a map from row to text")
     return plan
@@ -109,20 +109,31 @@ def checked_setpoint(answer: object, n: int) -> Setpoint:
     """Return a setpoint of `n` rows, finite where it is active; raise `ContractError`."""
     setpoint = require_type(answer, Setpoint)
     require_rows(setpoint, len(setpoint.velocity), n)
-    _require_finite("Setpoint.velocity", setpoint.velocity, setpoint.active)
-    _require_finite("Setpoint.yaw", setpoint.yaw, setpoint.active)
+    _require_finite(setpoint, "Setpoint.{}", ("velocity", "yaw"), setpoint.active)
     return setpoint
 
 
 def _require_agents(field: str, rows: Rows, n: int) -> None:
-    if len(rows) and not every(rows.view(np.uint64) < n):  # negative ones are large then
+    if not every(rows.view(np.uint64) < n):  # negative ones are large then
         raise ContractError(f"{field} is {rows.tolist()!r}, expected rows below {n}")
 
 
-def _require_finite(field: str, values: np.ndarray, where: Mask) -> None:
-    if every(np.isfinite(values)):
-        return
-    bad = where & ~np.isfinite(values.reshape(len(values), -1)).all(axis=1)
-    if bad.any():
-        row = int(np.argmax(bad))
-        raise ContractError(f"{field} of row {row} is {values[row].tolist()!r}, expected numbers")
+def _require_finite(table: Table, text: str, names: Sequence[str], where: Mask) -> None:
+    """Raise `ContractError` unless some columns of a table are finite in some rows, (N,).
+
+    Args:
+        table: With the columns.
+        text: Format of their names in messages.
+        names: Of the columns.
+        where: The rows.
+    """
+    for name in names:
+        values = getattr(table, name)
+        finite = np.isfinite(values)
+        if np.count_nonzero(finite) == values.size:
+            continue
+        bad = where & ~finite.reshape(len(values), -1).all(axis=1)
+        if bad.any():
+            row = int(np.argmax(bad))
+            what = f"{text.format(name)} of row {row} is {values[row].tolist()!r}"
+            raise ContractError(f"{what}, expected numbers")

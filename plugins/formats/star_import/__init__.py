@@ -19,7 +19,7 @@ def star_formats() -> Iterator[FormatSpec]:
     yield FormatSpec(
         name="original-star",
         summary="Files and folders of the original STAR and of Crazyswarm2.",
-        recognizes=deferred("star_import.folder:recognizes"),
+        recognizes=deferred("star_import.sources:recognizes"),
         load=deferred("star_import.folder:load"),
         check=deferred("star_import.folder:check"),
     )

@@ -21,7 +21,7 @@ from star_core.toolkit import Node, Parallel, Repeat
 from star_import.assembly import ImportOptions, assemble
 from star_import.import_log import ImportLog
 from star_import.output_files import OutputFiles
-from star_import.sources import FLOWN, Sources, files_in, sorted_out, sorts_of
+from star_import.sources import Sources, files_in, sorted_out, sorts_of
 
 Relocate: TypeAlias = Callable[[str], str]
 
@@ -29,15 +29,6 @@ ENVIRONMENT: Final = "environment_file"
 START: Final = re.compile(r"swarm\.([^.=]+)\.start=\s*\[([^]]*)\]\s*")
 NEW_AGENT: Final = "--set swarm.{}.start=[X, Y, 0]"
 HEADER: Final = "duration"  # begins Crazyswarm2's trajectories
-
-
-def recognizes(path: Path) -> bool:
-    """Return whether a file is in this format, or a folder has a mission or robots of it."""
-    if not path.is_dir():
-        return bool(sorts_of(path) & FLOWN)
-    if (path / "manifest.json").exists():  # a record
-        return False
-    return any(sorts_of(file) & {"mission", "robots"} for file in files_in(path))
 
 
 def load(path: Path, registry: Registry, assignments: Sequence[str]) -> Mission:

@@ -75,6 +75,15 @@ def sorted_out(paths: Sequence[Path], registry: Registry) -> Sources:
     return sources
 
 
+def recognizes(path: Path) -> bool:
+    """Return whether a file is in this format, or a folder has a mission or robots of it."""
+    if not path.is_dir():
+        return bool(sorts_of(path) & FLOWN)
+    if (path / "manifest.json").exists():  # a record
+        return False
+    return any(sorts_of(file) & {"mission", "robots"} for file in files_in(path))
+
+
 def sorts_of(path: Path) -> set[str]:
     """Return what kinds of files one may be, by the words at the beginnings of its lines."""
     if path.suffix not in {".yaml", ".yml"} or not path.is_file():
