@@ -12,7 +12,6 @@ import numpy as np
 from star_core.messages.arrays import Array, Mask, every, frozen
 from star_core.messages.rotations import Transform
 from star_core.messages.state import Estimate
-from star_core.messages.telemetry import Telemetry
 from star_core.toolkit.jit import compiled
 
 SPOILED_TIME: Final = 1.0  # s without an implausible report, after which reports are used again
@@ -104,40 +103,56 @@ class EstimateGate:
         self._last_time = 0.0  # s, of the last tick, like the next two
         self._last_position = np.full((n, 3), np.nan)
         self._last_velocity = np.full((n, 3), np.nan)  # m/s, reported
-        self._accept_all(0.0, *_nothing(), self._frames.yaw)  # compiled before the flight
+        self._accepted, self._stands = np.zeros((2, n), np.bool_)  # in this tick, or stays
+        self._jumps = np.empty((n, 3))  # m, s, m: the fields of `Jump` in this tick
+        self._judge(0.0, *_nothing(), self._frames.yaw)  # compiled before the flight
 
-    def accepts(
-        self, estimate: Estimate, telemetry: Telemetry, airborne: Mask, heard: Mask
-    ) -> bool:
-        """Accept an estimate of which no position is implausible; otherwise `check` decides.
+    def check(
+        self, estimate: Estimate, airborne: Mask, heard: Mask, velocity: Array, position: Array
+    ) -> tuple[Estimate, Sequence[Jump]]:
+        """Return the estimate without the positions that are rejected, and the new jumps.
 
         Args:
             estimate: A localizer's, with map_from_odom finite everywhere.
-            telemetry: Of the tick.
             airborne: (N,) which agents are in the air.
-            heard: (N,) agents that are heard.
+            heard: (N,) agents that are heard: what they report is used.
+            velocity: (N, 3) that the agents report, m/s; NaN if unknown.
+            position: (N, 3) that they report, m, for its height; NaN if unknown.
         """
-        accepted = self._accept_all(
+        stands = self._judge(
             float(estimate.time),
             estimate.position,
             estimate.covariance,
             estimate.valid,
             airborne,
             heard,
-            telemetry.velocity,
-            telemetry.position,
+            velocity,
+            position,
             self._frames.yaw,
         )
-        if accepted:
-            self._last_time = estimate.time
-            frames = estimate.map_from_odom
-            if not every(estimate.valid):
-                frames = frames.where(estimate.valid, self._frames)
-            self._frames = frames
-        return accepted
+        self._last_time = estimate.time
+        frames = estimate.map_from_odom
+        if not every(self._accepted):
+            frames = frames.where(self._accepted, self._frames)
+        self._frames = frames
+        if not stands:
+            return estimate, ()
+        jumps = [
+            Jump(row, *self._jumps[row].tolist())
+            for row in np.flatnonzero(~np.isnan(self._jumps[:, 0])).tolist()
+        ]
+        column = self._stands[:, None]
+        return replace(
+            estimate,
+            position=np.where(column, self._position, estimate.position),
+            velocity=np.where(column, 0.0, estimate.velocity),
+            covariance=np.where(column[..., None], self._covariance, estimate.covariance),
+            valid=self._accepted.copy(),
+            map_from_odom=self._frames.where(self._stands, estimate.map_from_odom),
+        ), jumps
 
-    def _accept_all(self, *tick: Any) -> bool:
-        return accept_all(  # type: ignore[call-arg]  # those that it has
+    def _judge(self, *tick: Any) -> bool:
+        return judge(  # type: ignore[call-arg]  # those that it has
             *tick,
             self._speed,
             float(self._last_time),
@@ -155,120 +170,10 @@ class EstimateGate:
             self._reports,
             self._spoiled_until,
             self._above,
+            self._accepted,
+            self._stands,
+            self._jumps,
         )
-
-    def check(
-        self,
-        estimate: Estimate,
-        airborne: Mask,
-        reported: Array | None = None,
-        heard: Mask | None = None,
-        height: Array | None = None,
-    ) -> tuple[Estimate, Sequence[Jump]]:
-        """Return the estimate without the positions that are rejected, and the new jumps.
-
-        Args:
-            estimate: A localizer's, with map_from_odom finite everywhere.
-            airborne: (N,) which agents are in the air.
-            reported: (N, 3) velocities that the agents report, m/s; None if unknown.
-            heard: (N,) agents that are heard: their reports must be plausible. None: no agent.
-            height: (N,) that the agents report, m; NaN or None if unknown.
-        """
-        spoiled = np.zeros(len(airborne), np.bool_)
-        if reported is not None and heard is not None:
-            spoiled = self._spoiled(estimate.time, reported, heard)
-            reported = np.where(spoiled[:, None], np.nan, reported)
-        self._fly(estimate.time - self._last_time, reported)
-        stuck = self._stuck(estimate, airborne, reported)
-        seconds = estimate.time - self._time
-        before, now = (
-            np.trace(c, axis1=1, axis2=2) for c in (self._covariance, estimate.covariance)
-        )
-        way = estimate.position - self._position - self._flown
-        moved = np.linalg.norm(way, axis=1)
-        if height is None:
-            height = np.full(len(airborne), np.nan)
-        risen = estimate.position[:, 2] - height - self._above
-        jumped = (np.abs(way[:, 2]) > MAX_HEIGHT_JUMP) & (np.abs(risen) > MAX_HEIGHT_JUMP)
-        explained = self._range + CORRECTION_SIGMAS * np.sqrt(np.fmax(before - now, 0.0))
-        carried = self._unexplained * np.exp(-seconds / FORGETTING_TIME)
-        unexplained = carried + np.maximum(moved - explained, 0.0)
-        corrected = self._corrected | (now < CORRECTED_SHARE * before)
-        margin = np.where(corrected, JUMP_MARGIN, UNCORRECTED_MARGIN)
-        judged = (airborne | self._rejected) & estimate.valid
-        rejected = judged & ((unexplained > margin) | jumped | stuck)  # NaN is not
-        accepted = estimate.valid & ~rejected & ~spoiled
-        plausible = np.where(stuck, np.nan, explained + margin - carried)
-        plausible = np.where(jumped, np.minimum(plausible, MAX_HEIGHT_JUMP), plausible)
-        self._above = np.where(accepted, estimate.position[:, 2] - height, self._above)
-        moved = np.where(stuck, self._still_path, moved)
-        jumps = [
-            Jump(row, float(moved[row]), float(seconds[row]), float(plausible[row]))
-            for row in np.flatnonzero(rejected & ~self._rejected).tolist()
-        ]
-        self._corrected |= corrected & accepted
-        self._rejected = rejected | (self._rejected & ~accepted)
-        self._store(estimate, accepted, np.where(judged, unexplained, 0.0))
-        rejected |= spoiled & np.isfinite(self._position).all(axis=1)
-        if not rejected.any():
-            return estimate, jumps
-        column = rejected[:, None]
-        return replace(
-            estimate,
-            position=np.where(column, self._position, estimate.position),
-            velocity=np.where(column, 0.0, estimate.velocity),
-            covariance=np.where(column[..., None], self._covariance, estimate.covariance),
-            valid=accepted,
-            map_from_odom=self._frames.where(rejected, estimate.map_from_odom),
-        ), jumps
-
-    def _spoiled(self, time: float, reported: Array, heard: Mask) -> Mask:
-        """Return which agents report what is implausible, or did within `SPOILED_TIME`: (N,)."""
-        speed = np.linalg.norm(reported, axis=1)
-        self._reports |= np.isfinite(speed)  # NaN before the first one: not reported at all
-        bad = heard & self._reports & ~(speed <= self._speed)
-        self._spoiled_until = np.where(bad, time + SPOILED_TIME, self._spoiled_until)
-        spoiled: Mask = time < self._spoiled_until
-        return spoiled
-
-    def _fly(self, seconds: float, reported: Array | None) -> None:
-        """Move the last positions by the reported velocities, and extend what is reachable.
-
-        A rejected row can be elsewhere only by the error of its reports; any other row, as before,
-        by the greatest plausible speed.
-        """
-        velocity = np.full((len(self._range), 3), np.nan) if reported is None else reported
-        velocity = self._frames.turn(velocity)
-        speed = np.linalg.norm(velocity, axis=1)
-        finite = np.isfinite(speed)
-        self._flown = self._flown + seconds * np.where(finite[:, None], velocity, 0.0)
-        error = np.where(finite & self._rejected, REPORT_ERROR * speed, self._speed)
-        self._range = self._range + seconds * error
-
-    def _stuck(self, estimate: Estimate, airborne: Mask, reported: Array | None) -> Mask:
-        """Return whose estimates stay exactly where they are while the agents report flight."""
-        seconds, self._last_time = estimate.time - self._last_time, estimate.time
-        if reported is None:
-            return np.zeros(len(airborne), np.bool_)
-        new = (reported != self._last_velocity).any(axis=1)  # one that repeats is an old one
-        path = new * seconds * np.linalg.norm(reported, axis=1)
-        same = airborne & np.isfinite(path)
-        same &= (estimate.position == self._last_position).all(axis=1)
-        self._last_position[:], self._last_velocity[:] = estimate.position, reported
-        self._still_path = np.where(same, self._still_path + path, 0.0)
-        return self._still_path > MAX_STILL_PATH
-
-    def _store(self, estimate: Estimate, accepted: Mask, unexplained: Array) -> None:
-        """Keep the accepted rows for the next comparison."""
-        column = accepted[:, None]
-        self._time = np.where(accepted, estimate.time, self._time)
-        self._flown = np.where(column, 0.0, self._flown)
-        self._range = np.where(accepted, 0.0, self._range)
-        self._position = np.where(column, estimate.position, self._position)
-        self._covariance = np.where(column[..., None], estimate.covariance, self._covariance)
-        self._frames = estimate.map_from_odom.where(accepted, self._frames)
-        finite = np.where(np.isfinite(unexplained), unexplained, 0.0)
-        self._unexplained = np.where(accepted, finite, self._unexplained)
 
 
 def _nothing() -> tuple[Any, ...]:
@@ -280,7 +185,7 @@ def _nothing() -> tuple[Any, ...]:
 
 
 @compiled
-def accept_all(  # noqa: C901, PLR0912, PLR0913, PLR0915, PLR0917 -- the gate's state, in one pass
+def judge(  # noqa: C901, PLR0912, PLR0913, PLR0915, PLR0917 -- the gate, in one pass
     time: float,
     position: Array,
     covariance: Array,
@@ -295,7 +200,7 @@ def accept_all(  # noqa: C901, PLR0912, PLR0913, PLR0915, PLR0917 -- the gate's 
     last_position: Array,
     last_velocity: Array,
     accepted_at: Array,
-    accepted: Array,
+    accepted_position: Array,
     accepted_covariance: Array,
     unexplained: Array,
     rejected: Mask,
@@ -306,10 +211,11 @@ def accept_all(  # noqa: C901, PLR0912, PLR0913, PLR0915, PLR0917 -- the gate's 
     reports: Mask,
     spoiled_until: Array,
     above: Array,
+    accepted: Mask,
+    stands: Mask,
+    jumps: Array,
 ) -> bool:
-    """Accept the estimates of a tick as `EstimateGate.check` does, if none is implausible.
-
-    Each reason for which that rejects a position is one here.
+    """Accept or reject the estimate of each agent, as `EstimateGate` describes.
 
     Args:
         time: Of the estimate, s.
@@ -322,11 +228,11 @@ def accept_all(  # noqa: C901, PLR0912, PLR0913, PLR0915, PLR0917 -- the gate's 
         height: (N, 3) positions that they report, m.
         yaw: (N,) of the odometry frames that were accepted last, rad.
         top_speed: Greatest plausible speed, m/s.
-        last_time: State of the gate, as all that follow, s.
+        last_time: State of the gate, as the next ones, which are updated, s.
         last_position: (N, 3) m.
         last_velocity: (N, 3) m/s.
         accepted_at: (N,) s.
-        accepted: (N, 3) m.
+        accepted_position: (N, 3) m.
         accepted_covariance: (N, 3, 3) m².
         unexplained: (N,) m.
         rejected: (N,).
@@ -337,78 +243,87 @@ def accept_all(  # noqa: C901, PLR0912, PLR0913, PLR0915, PLR0917 -- the gate's 
         reports: (N,).
         spoiled_until: (N,) s.
         above: (N,) m.
+        accepted: Set to whether each agent's estimate is accepted.
+        stands: Set to whether it keeps its last position instead.
+        jumps: Set to the distance, time and plausible distance of new jumps; NaN for others.
 
     Returns:
-        Whether no position is rejected and no report is implausible. If not, nothing is changed.
+        Whether any agent keeps its last position.
     """
-    n = len(valid)
     seconds = time - last_time
-    ways, paths, carried = np.empty((n, 3)), np.empty(n), np.empty(n)
-    corrections = np.empty(n, np.bool_)
-    for row in range(n):
+    any_stands = False
+    for row in range(len(valid)):
         vx, vy, vz = velocity[row, 0], velocity[row, 1], velocity[row, 2]
         if not heard[row]:
             vx = vy = vz = math.nan
         speed = math.sqrt(vx * vx + vy * vy + vz * vz)
-        if rejected[row] or time < spoiled_until[row]:
-            return False
-        if heard[row] and (reports[row] or math.isfinite(speed)) and not speed <= top_speed:
-            return False
-        ways[row, 0], ways[row, 1], ways[row, 2] = flown[row, 0], flown[row, 1], flown[row, 2]
+        reports[row] = reports[row] or math.isfinite(speed)
+        if heard[row] and reports[row] and not speed <= top_speed:
+            spoiled_until[row] = time + SPOILED_TIME
+        spoiled = time < spoiled_until[row]
+        if spoiled:
+            vx = vy = vz = speed = math.nan
         if math.isfinite(speed):
             cos, sin = math.cos(yaw[row]), math.sin(yaw[row])
-            ways[row, 0] += seconds * (cos * vx - sin * vy)
-            ways[row, 1] += seconds * (sin * vx + cos * vy)
-            ways[row, 2] += seconds * vz
+            flown[row, 0] += seconds * (cos * vx - sin * vy)
+            flown[row, 1] += seconds * (sin * vx + cos * vy)
+            flown[row, 2] += seconds * vz
+        # one that is rejected can be elsewhere only by the error of its reports
+        is_known = rejected[row] and math.isfinite(speed)
+        reach[row] += seconds * (REPORT_ERROR * speed if is_known else top_speed)
         same = airborne[row] and math.isfinite(seconds * speed)
         for axis in range(3):
             same = same and position[row, axis] == last_position[row, axis]
+            last_position[row, axis] = position[row, axis]
         new = (  # a report that repeats is an old one
             vx != last_velocity[row, 0]
             or vy != last_velocity[row, 1]
             or vz != last_velocity[row, 2]
         )
-        paths[row] = still_path[row] + (seconds * speed if new else 0.0) if same else 0.0
-        dx = position[row, 0] - accepted[row, 0] - ways[row, 0]
-        dy = position[row, 1] - accepted[row, 1] - ways[row, 1]
-        dz = position[row, 2] - accepted[row, 2] - ways[row, 2]
+        last_velocity[row, 0], last_velocity[row, 1], last_velocity[row, 2] = vx, vy, vz
+        path = seconds * speed if new else 0.0
+        still_path[row] = still_path[row] + path if same else 0.0
+        stuck = still_path[row] > MAX_STILL_PATH
+        dx = position[row, 0] - accepted_position[row, 0] - flown[row, 0]
+        dy = position[row, 1] - accepted_position[row, 1] - flown[row, 1]
+        dz = position[row, 2] - accepted_position[row, 2] - flown[row, 2]
+        moved = math.sqrt(dx * dx + dy * dy + dz * dz)
         before, now = 0.0, 0.0
         for axis in range(3):
             before += accepted_covariance[row, axis, axis]
             now += covariance[row, axis, axis]
         shrunk = before - now if before > now else 0.0
-        explained = reach[row] + seconds * top_speed + CORRECTION_SIGMAS * math.sqrt(shrunk)
-        excess = math.sqrt(dx * dx + dy * dy + dz * dz) - explained
-        carried[row] = unexplained[row] * math.exp((accepted_at[row] - time) / FORGETTING_TIME)
-        carried[row] += max(excess, 0.0)
-        corrections[row] = corrected[row] or now < CORRECTED_SHARE * before
-        risen = position[row, 2] - height[row, 2] - above[row]
-        jumped = heard[row] and abs(dz) > MAX_HEIGHT_JUMP and abs(risen) > MAX_HEIGHT_JUMP
-        margin = JUMP_MARGIN if corrections[row] else UNCORRECTED_MARGIN
-        implausible = carried[row] > margin or jumped or paths[row] > MAX_STILL_PATH
-        if airborne[row] and valid[row] and implausible:
-            return False
-    for row in range(n):
-        is_heard = heard[row]
-        for axis in range(3):
-            last_position[row, axis] = position[row, axis]
-            last_velocity[row, axis] = velocity[row, axis] if is_heard else math.nan
-        squares = last_velocity[row, 0] + last_velocity[row, 1] + last_velocity[row, 2]
-        reports[row] = reports[row] or math.isfinite(squares)
-        still_path[row] = paths[row]
-        if not valid[row]:
-            reach[row] += seconds * top_speed
+        explained = reach[row] + CORRECTION_SIGMAS * math.sqrt(shrunk)
+        carried = unexplained[row] * math.exp((accepted_at[row] - time) / FORGETTING_TIME)
+        excess = carried + max(moved - explained, 0.0)
+        correction = corrected[row] or now < CORRECTED_SHARE * before
+        margin = JUMP_MARGIN if correction else UNCORRECTED_MARGIN
+        over = position[row, 2] - height[row, 2] if heard[row] else math.nan
+        jumped = abs(dz) > MAX_HEIGHT_JUMP and abs(over - above[row]) > MAX_HEIGHT_JUMP
+        judged = (airborne[row] or rejected[row]) and valid[row]
+        rejects = judged and (excess > margin or jumped or stuck)
+        jumps[row, 0] = math.nan
+        if rejects and not rejected[row]:
+            plausible = explained + margin - carried
+            if jumped and plausible > MAX_HEIGHT_JUMP:
+                plausible = MAX_HEIGHT_JUMP
+            jumps[row, 0] = still_path[row] if stuck else moved
+            jumps[row, 1] = time - accepted_at[row]
+            jumps[row, 2] = math.nan if stuck else plausible
+        accepted[row] = valid[row] and not rejects and not spoiled
+        if accepted[row]:
+            corrected[row], rejected[row], above[row] = correction, False, over
+            accepted_at[row], reach[row] = time, 0.0
+            unexplained[row] = excess if judged and math.isfinite(excess) else 0.0
             for axis in range(3):
-                flown[row, axis] = ways[row, axis]
-            continue
-        corrected[row] = corrections[row]
-        accepted_at[row], reach[row] = time, 0.0
-        keeps = airborne[row] and math.isfinite(carried[row])
-        unexplained[row] = carried[row] if keeps else 0.0
-        above[row] = position[row, 2] - height[row, 2] if is_heard else math.nan
-        for axis in range(3):
-            flown[row, axis] = 0.0
-            accepted[row, axis] = position[row, axis]
-            for other in range(3):
-                accepted_covariance[row, axis, other] = covariance[row, axis, other]
-    return True
+                flown[row, axis] = 0.0
+                accepted_position[row, axis] = position[row, axis]
+                for other in range(3):
+                    accepted_covariance[row, axis, other] = covariance[row, axis, other]
+        else:
+            rejected[row] = rejects or rejected[row]
+        located = math.isfinite(accepted_position[row, 0] + accepted_position[row, 1])
+        located = located and math.isfinite(accepted_position[row, 2])
+        stands[row] = rejects or (spoiled and located)
+        any_stands = any_stands or stands[row]
+    return any_stands

@@ -57,13 +57,11 @@ class EstimateMonitor:
                 estimate = replace(estimate, map_from_odom=frames)
             self._frames = estimate.map_from_odom
         heard = telemetry.age <= MAX_REPORT_AGE
-        accepted = estimate
-        if not self._gate.accepts(estimate, telemetry, airborne, heard):
-            reported = np.where(heard[:, None], telemetry.velocity, np.nan)
-            height = np.where(heard, telemetry.position[:, 2], np.nan)
-            accepted, jumps = self._gate.check(estimate, airborne, reported, heard, height)
-            for jump in jumps:
-                yield Report("estimate", self._of_jump(jump), self._names[jump.row])
+        accepted, jumps = self._gate.check(
+            estimate, airborne, heard, telemetry.velocity, telemetry.position
+        )
+        for jump in jumps:
+            yield Report("estimate", self._of_jump(jump), self._names[jump.row])
         tilts = self._motion.check(telemetry, airborne)
         dragged = self._drag.check(telemetry, airborne, tilts)
         self._motion.correct(self._drag.missing)

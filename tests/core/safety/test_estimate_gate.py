@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from star_core import Estimate, Order, Telemetry
+from star_core import Array, Estimate, Mask, Order, Telemetry
 from star_core.safety.estimate_gate import (
     CORRECTION_SIGMAS,
     JUMP_MARGIN,
@@ -16,12 +16,26 @@ from star_core.safety.estimate_gate import (
     SPOILED_TIME,
     UNCORRECTED_MARGIN,
     EstimateGate,
+    Jump,
 )
 from star_core.testing import estimate
 from tests.core.conftest import Lab
 
 SPEED, PERIOD = 0.5, 0.05  # m/s, s
 AIRBORNE = np.ones(1, np.bool_)
+SILENT = np.full((1, 3), np.nan)
+
+
+def checked(
+    gate: EstimateGate,
+    now: Estimate,
+    airborne: Mask = AIRBORNE,
+    velocity: Array = SILENT,
+    height: float = np.nan,
+) -> tuple[Estimate, Sequence[Jump]]:
+    """Check the estimate of an agent that is heard and reports a velocity and a height."""
+    position = np.array([[np.nan, np.nan, height]])
+    return gate.check(now, airborne, np.ones(1, np.bool_), velocity, position)
 
 
 def believed(x: float, time: float, *, std: float = 0.01) -> Estimate:
@@ -34,8 +48,7 @@ def gated(*positions: float) -> list[bool]:
     """Which of these positions along x, m, in consecutive ticks in flight are accepted."""
     gate = EstimateGate(1, SPEED)
     return [
-        bool(gate.check(believed(x, k * PERIOD), AIRBORNE)[0].valid[0])
-        for k, x in enumerate(positions)
+        bool(checked(gate, believed(x, k * PERIOD))[0].valid[0]) for k, x in enumerate(positions)
     ]
 
 
@@ -48,13 +61,13 @@ def test_a_jump_is_rejected_until_the_estimate_is_back() -> None:
 
 
 def test_a_height_that_the_ranger_denies_is_rejected_for_good() -> None:
-    gate, heard = EstimateGate(1, SPEED), np.ones(1, np.bool_)
+    gate = EstimateGate(1, SPEED)
     descent = np.array([[0.0, 0.0, -0.3]])
 
     def accepted(tick: int, wrong: float, reported: float) -> bool:
         now = estimate(np.array([[0.0, 0.0, reported + wrong]]), time=tick * PERIOD)
         now = replace(now, covariance=1e-4 * np.eye(3)[None])
-        answer, _ = gate.check(now, AIRBORNE, descent, heard, np.array([reported]))
+        answer, _ = checked(gate, now, AIRBORNE, descent, reported)
         return bool(answer.valid[0])
 
     heights = 1.3 + descent[0, 2] * PERIOD * np.arange(60)
@@ -64,21 +77,21 @@ def test_a_height_that_the_ranger_denies_is_rejected_for_good() -> None:
 
 
 def test_heights_over_an_obstacle_are_accepted() -> None:
-    heard, still = np.ones(1, np.bool_), np.zeros((1, 3))
+    still = np.zeros((1, 3))
     for follows in (0.0, 1.0):  # whether the estimate is that of the ranger
         gate = EstimateGate(1, SPEED)
         for k, top in enumerate((0.0, 0.0, 0.4, 0.4, 0.0)):
             now = estimate(np.array([[0.0, 0.0, 1.0 - follows * top]]), time=k * PERIOD)
             now = replace(now, covariance=1e-4 * np.eye(3)[None])
-            answer, _ = gate.check(now, AIRBORNE, still, heard, np.array([1.0 - top]))
+            answer, _ = checked(gate, now, AIRBORNE, still, 1.0 - top)
             assert answer.valid.all()
 
 
 def test_a_rejected_row_stays_where_it_was_at_rest() -> None:
     gate = EstimateGate(1, SPEED)
-    gate.check(believed(0.3, 0.0), AIRBORNE)
+    checked(gate, believed(0.3, 0.0))
     moved = replace(believed(50.0, PERIOD), velocity=np.ones((1, 3)))
-    answer, (jump,) = gate.check(moved, AIRBORNE)
+    answer, (jump,) = checked(gate, moved)
     assert answer.position.tolist() == [[0.3, 0.0, 1.0]]
     assert answer.velocity.tolist() == [[0.0, 0.0, 0.0]]
     assert not answer.valid.any()
@@ -90,10 +103,10 @@ def test_corrected_positions_may_jump_farther() -> None:
     def accepted(*stds: float) -> bool:
         gate = EstimateGate(1, SPEED)
         for k, std in enumerate(stds):
-            gate.check(believed(0.0, k * PERIOD, std=std), AIRBORNE)
+            checked(gate, believed(0.0, k * PERIOD, std=std))
         jump = MIN_PLAUSIBLE_SPEED * PERIOD + 0.9 * JUMP_MARGIN
         later = believed(jump, len(stds) * PERIOD, std=stds[-1])
-        return bool(gate.check(later, AIRBORNE)[0].valid[0])
+        return bool(checked(gate, later)[0].valid[0])
 
     assert not accepted(0.1, 0.11, 0.12)  # dead reckoning
     assert not accepted(0.12, 0.1199, 0.1198)  # back to its start
@@ -103,14 +116,12 @@ def test_corrected_positions_may_jump_farther() -> None:
 def stuck(*velocities: float, drift: float = 0.0) -> list[bool]:
     """In which ticks a position that only drifts is accepted while the agent reports velocities."""
     gate = EstimateGate(1, SPEED)
-    return [
-        bool(
-            gate.check(believed(drift * k, k * PERIOD), AIRBORNE, np.array([[velocity, 0.0, 0.0]]))[
-                0
-            ].valid[0]
-        )
-        for k, velocity in enumerate(velocities)
-    ]
+    seen = []
+    for k, velocity in enumerate(velocities):
+        reported = np.array([[velocity, 0.0, 0.0]])
+        answer, _ = checked(gate, believed(drift * k, k * PERIOD), velocity=reported)
+        seen.append(bool(answer.valid[0]))
+    return seen
 
 
 def test_estimates_frozen_in_flight_are_rejected() -> None:
@@ -134,7 +145,7 @@ def spoiled(*velocities: float, airborne: bool = True) -> list[tuple[bool, float
         here = 0.1 if velocity == 0 else 0.1 + random.normal()
         now = replace(believed(here, k * PERIOD), valid=np.isfinite([velocity]))
         reported = np.array([[velocity, 0.0, 0.0]])
-        answer, _ = gate.check(now, airborne & AIRBORNE, reported, np.ones(1, np.bool_))
+        answer, _ = checked(gate, now, airborne & AIRBORNE, reported)
         seen.append((bool(answer.valid[0]), float(answer.position[0, 0])))
     return seen
 
@@ -152,28 +163,27 @@ def test_random_velocity_reports_keep_the_last_position(*, airborne: bool) -> No
 
 
 def test_an_agent_that_reports_no_velocity_at_all_is_located() -> None:
-    gate, heard = EstimateGate(1, SPEED), np.ones(1, np.bool_)
-    silent = np.full((1, 3), np.nan)
+    gate = EstimateGate(1, SPEED)
     for k in range(5):
-        assert gate.check(believed(0.0, k * PERIOD), AIRBORNE, silent, heard)[0].valid.all()
+        assert checked(gate, believed(0.0, k * PERIOD))[0].valid.all()
 
 
 def test_a_jump_is_reported_once() -> None:
     gate = EstimateGate(1, SPEED)
-    gate.check(believed(0.0, 0.0), AIRBORNE)
-    jumps = [gate.check(believed(50.0, k * PERIOD), AIRBORNE)[1] for k in range(1, 5)]
+    checked(gate, believed(0.0, 0.0))
+    jumps = [checked(gate, believed(50.0, k * PERIOD))[1] for k in range(1, 5)]
     assert [len(found) for found in jumps] == [1, 0, 0, 0]
 
 
 def test_a_jump_that_lasts_does_not_become_plausible() -> None:
     gate = EstimateGate(1, SPEED)
-    gate.check(believed(0.0, 0.0), AIRBORNE)
+    checked(gate, believed(0.0, 0.0))
     velocity = SPEED
     for k in range(1, 60):
         velocity *= 0.9  # it brakes
         reported = np.array([[velocity, 0.0, 0.0]])
-        assert not gate.check(believed(2.0, k * PERIOD), AIRBORNE, reported)[0].valid.any()
-    assert gate.check(believed(0.2, 3.0), AIRBORNE, reported)[0].valid.all()
+        assert not checked(gate, believed(2.0, k * PERIOD), AIRBORNE, reported)[0].valid.any()
+    assert checked(gate, believed(0.2, 3.0), AIRBORNE, reported)[0].valid.all()
 
 
 def test_many_small_jumps_are_a_large_one() -> None:
@@ -184,45 +194,47 @@ def test_many_small_jumps_are_a_large_one() -> None:
 def test_a_correction_that_the_covariance_announced_is_accepted() -> None:
     gate = EstimateGate(1, SPEED)
     drift = 1.0  # m, standard deviation along every axis
-    gate.check(believed(0.0, 0.0, std=drift), AIRBORNE)
+    checked(gate, believed(0.0, 0.0, std=drift))
     correction = 0.9 * CORRECTION_SIGMAS * drift
     for k in range(1, 40):  # and does not count against later ticks
-        answer, jumps = gate.check(believed(correction, k * PERIOD), AIRBORNE)
+        answer, jumps = checked(gate, believed(correction, k * PERIOD))
         assert answer.valid.all()
         assert not jumps
 
 
 def test_persistently_large_covariance_does_not_admit_jumps() -> None:
     gate = EstimateGate(1, SPEED)
-    gate.check(believed(0.0, 0.0, std=1.0), AIRBORNE)
-    answer, _ = gate.check(believed(2.0, PERIOD, std=1.0), AIRBORNE)
+    checked(gate, believed(0.0, 0.0, std=1.0))
+    answer, _ = checked(gate, believed(2.0, PERIOD, std=1.0))
     assert not answer.valid.any()
 
 
 def test_everything_is_accepted_on_the_ground() -> None:
     gate, grounded = EstimateGate(1, SPEED), np.zeros(1, np.bool_)
-    gate.check(believed(0.0, 0.0), grounded)
-    assert gate.check(believed(50.0, PERIOD), grounded)[0].valid.all()
-    assert gate.check(believed(50.0, 2 * PERIOD), AIRBORNE)[0].valid.all()
+    checked(gate, believed(0.0, 0.0), grounded)
+    assert checked(gate, believed(50.0, PERIOD), grounded)[0].valid.all()
+    assert checked(gate, believed(50.0, 2 * PERIOD))[0].valid.all()
 
 
 def test_agents_rejected_in_flight_are_not_accepted_elsewhere() -> None:
     gate, grounded = EstimateGate(1, SPEED), np.zeros(1, np.bool_)
     at_rest = np.zeros((1, 3))
-    gate.check(believed(0.0, 0.0), AIRBORNE, at_rest)
+    checked(gate, believed(0.0, 0.0), AIRBORNE, at_rest)
     for k in range(1, 100):
-        answer, _ = gate.check(believed(1.0, k * PERIOD), grounded if k > 20 else AIRBORNE, at_rest)
+        answer, _ = checked(
+            gate, believed(1.0, k * PERIOD), grounded if k > 20 else AIRBORNE, at_rest
+        )
         assert answer.position[0, 0] == 0.0
         assert not answer.valid.any()
-    assert gate.check(believed(0.2, 5.0), grounded, at_rest)[0].valid.all()
+    assert checked(gate, believed(0.2, 5.0), grounded, at_rest)[0].valid.all()
 
 
 def test_unlocated_agents_may_reappear_within_flight_distance() -> None:
     gate = EstimateGate(1, SPEED)
-    gate.check(believed(0.0, 0.0), AIRBORNE)
+    checked(gate, believed(0.0, 0.0))
     lost = replace(believed(np.nan, 1.0), valid=np.zeros(1, np.bool_))
-    gate.check(lost, AIRBORNE)
-    assert gate.check(believed(2 * MIN_PLAUSIBLE_SPEED, 2.0), AIRBORNE)[0].valid.all()
+    checked(gate, lost)
+    assert checked(gate, believed(2 * MIN_PLAUSIBLE_SPEED, 2.0))[0].valid.all()
 
 
 HOLD = "\n  - climb: {}\n  - wait: {seconds: 6}\n  - descend: {}"
