@@ -8,7 +8,7 @@ FLIGHTS ?= 100
 
 .DEFAULT_GOAL := help
 unexport PYTHONDONTWRITEBYTECODE  # the tests start many processes
-.PHONY: help fly test check generated docs air bench campaign faults link-cuts guardian safe-defaults mutants scenarios fuzz soak lowest clean
+.PHONY: help fly test check generated pictures docs air bench campaign faults link-cuts guardian safe-defaults mutants scenarios fuzz soak lowest clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 12
@@ -44,6 +44,9 @@ generated: $(VENV)/.ready  ## write the files that are made from the code: schem
 	$(BIN)/star schema steps --out missions/steps.schema.json
 	$(BIN)/star errors > docs/errors.md
 	$(BIN)/python docs/site/committed.py
+
+pictures: $(VENV)/.ready  ## make the pictures of README and docs/ anew (needs Chromium); minutes
+	$(BIN)/python docs/site/pictures.py
 
 docs: $(VENV)/.ready  ## build the documentation into build/docs; warnings are errors
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict

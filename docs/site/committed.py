@@ -27,6 +27,7 @@ import star_core
 from star_core.commands.main import main
 
 DOCS: Final = Path(__file__).parents[1]
+PAGES: Final = (DOCS.parent / "README.md", *sorted((DOCS / "plugins").glob("*.md")))
 PICTURE: Final = DOCS / "pictures" / "tick.svg"
 TABLES: Final = DOCS / "plugins" / "tables.md"
 COMMAND: Final = re.compile(r"^<!-- star (new plugin (\S+) --kind \S+) -->$", re.MULTILINE)
@@ -129,5 +130,5 @@ def _attributes(text: str) -> Iterator[tuple[str, str]]:
 if __name__ == "__main__":
     PICTURE.write_text(diagram(), encoding="utf-8")
     TABLES.write_text(tables(), encoding="utf-8")
-    for page in sorted((DOCS / "plugins").glob("*.md")):
+    for page in PAGES:
         page.write_text(with_examples(page.read_text("utf-8")), encoding="utf-8")

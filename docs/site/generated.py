@@ -21,12 +21,18 @@ BAR: Final = "\\|"  # in a table
 NOTE: Final = "\nGenerated from the code when the site is built.\n"
 
 KINDS: Final = {
-    "transport": "Links to a swarm, simulated or real",
-    "localizer": "Estimate positions from telemetry",
-    "planner": "Plan velocities towards goals",
-    "avoider": "Keep agents apart",
-    "task": "Verbs of the mission language",
+    "transport": "A transport carries telemetry, setpoints and commands between STAR and a swarm, "
+    "simulated or real. A mission names one: `transport: sim`.",
+    "localizer": "A localizer estimates the positions of all agents from their telemetry. A "
+    "mission names one: `localizer: flow`.",
+    "planner": "A planner turns the goals of the steps into velocities, for each agent as if it "
+    "were alone. A mission names one: `planner: straight`.",
+    "avoider": "An avoider changes these velocities so that agents keep apart. A mission names "
+    "one, with options if it has some: `avoider: {use: orca, radius: 0.25}`.",
+    "task": "A verb is what a step of a mission does. All verbs also have the keys of every step: "
+    "`agents`, `until`, `timeout` and `on_failure`.",
 }
+WRITE: Final = {kind: f"../plugins/{kind}.md" for kind in KINDS} | {"task": "../plugins/verb.md"}
 
 GROUPS: Final = {  # page, title, and prefixes of the modules whose public names it has
     "flights": (
@@ -66,9 +72,13 @@ def generated_pages() -> Iterator[tuple[str, str]]:
 
 def options_page(kind: str, offers: Mapping[str, Any]) -> str:
     """Return the page of all plugins of a kind, with a table of options for each."""
-    lines = [f"# {_plural(kind).capitalize()}", "", f"{KINDS[kind]}.", NOTE]
+    title = _plural(kind).capitalize()
+    lines = [f"# {title}", "", f"{KINDS[kind]} [Write one]({WRITE[kind]})."]
+    methods = (ROOT / "docs" / "methods.md").read_text("utf-8")
     for name, offer in offers.items():
         lines += ["", f"## `{name}`", "", offer.summary, ""]
+        if f"\n### `{name}`\n" in methods:
+            lines += [f"[How it works, and when to use it](../methods.md#{name})", ""]
         lines += table(offer.options)
         lines += [
             line

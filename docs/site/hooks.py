@@ -24,6 +24,8 @@ ROOT: Final = Path(__file__).parents[2]
 LINK: Final = re.compile(r"(?<=\]\()(?![a-z]+:|#)[^)#\s]+")
 CODE: Final = re.compile(r"^( *)(```+).*?^\1\2", re.MULTILINE | re.DOTALL)
 SPAN: Final = re.compile(r"`[^`\n]+`")  # in tables GitHub needs a backslash before a bar
+FRONT: Final = re.compile(r"<!-- front -->\n(.*?)<!-- front -->", re.DOTALL)
+INCLUDED: Final = "<!-- the front of README.md -->"
 IN_NAV: Final = "[](../CHANGELOG.md) [](../CONTRIBUTING.md) [](../examples) [](../missions)"
 LANGUAGES: Final = {".py": "python", ".yaml": "yaml", ".toml": "toml", ".json": "json"}
 
@@ -35,7 +37,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     for uri, content in generated_pages():
         files.append(File.generated(config, uri, content=content))
     unread = [(page.src_uri, page.content_string) for page in files.documentation_pages()]
-    unread.append(("", IN_NAV))
+    unread += [("", IN_NAV), ("project/README.md", _front())]
     while unread:
         for path in _linked(*unread.pop()):
             uri = page_of(path)
@@ -48,12 +50,24 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 def on_page_markdown(markdown: str, page: Page, **_: object) -> str:
     """Point links to files of the repository at their pages; show ``|`` in code in tables."""
     uri = page.file.src_uri
+    shown = _linking(uri, uri, SPAN.sub(lambda code: code[0].replace("\\|", "|"), markdown))
+    return shown.replace(INCLUDED, _linking("project/README.md", uri, _front()))
+
+
+def _linking(origin: str, uri: str, markdown: str) -> str:
+    """Return text of the page `origin` with links that lead to pages from the page `uri`."""
 
     def replaced(found: re.Match[str]) -> str:
-        path = _target(uri, found[0])
+        path = _target(origin, found[0])
         return found[0] if path is None else relpath(page_of(path), dirname(uri))
 
-    return LINK.sub(replaced, SPAN.sub(lambda code: code[0].replace("\\|", "|"), markdown))
+    return LINK.sub(replaced, markdown)
+
+
+def _front() -> str:
+    """Return what README and the first page of the site have in common."""
+    found = FRONT.search((ROOT / "README.md").read_text(encoding="utf-8"))
+    return found[1] if found else ""
 
 
 def page_of(path: str) -> str:

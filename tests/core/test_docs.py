@@ -43,6 +43,17 @@ def test_attributes_that_a_page_names_exist(page: Path) -> None:
     assert missing == []
 
 
+def test_the_readme_is_short_and_its_mission_can_be_flown() -> None:
+    page = (ROOT / "README.md").read_text()
+    (mission,) = re.findall(r"```yaml\n(.*?)```", page, re.DOTALL)
+    lines = (ROOT / "missions" / "hello.yaml").read_text().splitlines(keepends=True)
+    assert mission == "".join(line for line in lines if not line.startswith("#"))
+    assert len(page.splitlines()) <= 90
+    picture = ROOT / "docs" / "pictures" / "view.webp"
+    assert picture.stat().st_size <= 2_000_000
+    assert b"ANIM" in picture.read_bytes()[:100]
+
+
 def test_every_name_of_code_in_the_architecture_exists() -> None:
     page = "\n".join(path.read_text() for path in (ROOT / "docs" / "architecture.md", *DECISIONS))
     names = set(re.findall(r"`([^`\n]+)`", re.sub(r"(?s)```.*?```", "", page))) - OTHERS
