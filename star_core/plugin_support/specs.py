@@ -173,11 +173,14 @@ class AvoiderSpec(MissionSpec):
         avoids_obstacles: Whether it keeps agents from obstacles too.
         uncertain_positions: Whether traffic still flows through narrow places when distances are
             enlarged for uncertain positions; if not, ``star check`` warns where they are.
+        leads_around: Whether it leads agents around others that hover, to goals that these do not
+            enclose; without this and `uncertain_positions` ``star check`` warns of such others.
     """
 
     make: Callable[..., Avoider]
     avoids_obstacles: bool = False
     uncertain_positions: bool = False
+    leads_around: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -22,5 +22,6 @@ def star_avoiders() -> Iterable[AvoiderSpec]:
         summary="Keeps each agent in its buffered Voronoi cell (Zhou et al. 2017).",
         make=deferred("star_voronoi.avoider:Voronoi"),
         avoids_obstacles=True,
+        leads_around=True,
         options={"type": "object", "properties": _OPTIONS},
     )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
 
 from star_core import Array, Estimate, Mask, Scene, Setpoint
@@ -11,6 +13,11 @@ NOTHING = 1e-9  # m or m/s: shorter vectors have no direction
 MARGIN = 0.1  # m: an agent nearer than this above or below an obstacle counts as at its height
 ROUNDS = 30  # projections onto all borders
 BLOCKED = 0.05  # share of the preferred speed: an agent that achieves less turns right
+FREE = 0.8  # share of a speed: an agent that achieves less in a direction tries one farther right
+HOVERING = 0.05  # m/s: an agent with a lower preferred speed does not make way by itself
+ARRIVING = 0.95  # share of the greatest preferred speed since it hovered: a slower one is near
+TURNS: Final = np.radians(np.arange(0, 181, 15))  # rad, tried by an agent that follows others
+BACK: Final = np.pi / 2  # rad, by which it tries to turn back at a time
 
 
 class Voronoi:
@@ -22,6 +29,11 @@ class Voronoi:
     other agents; the border to an agent that does not avoid is drawn at that agent's circle. An
     agent that others block turns right. Vertically, agents above each other approach ever slower.
     The radius is enlarged for uncertain positions, at most tripled, towards obstacles too.
+
+    An agent that hovering ones block follows them at its left hand, and obstacles beside them,
+    until it has turned left as much as right and its way is free: so it leaves pockets between them
+    (the algorithm of Pledge; Abelson and diSessa, "Turtle Geometry", 1981). If that leads out of
+    the fence or around them, it tries so at its right hand, and then waits. Near its goal it waits.
 
     The arguments beside the scene are the options of the schema.
     """
@@ -36,6 +48,12 @@ class Voronoi:
         pieces = [(p, o.height) for o in scene.world.obstacles for p in o.polygons]
         rows = [(*p[i - 1], *p[i], *height) for p, height in pieces for i in range(len(p))]
         self._edges = np.array(rows, np.float64).reshape(-1, 6)  # both ends, foot and top
+        self._fence = np.array([scene.world.fence.low[:2], scene.world.fence.high[:2]])
+        self._turned = np.zeros(len(scene.agents))  # rad from the preferred velocity
+        self._hand = np.ones(len(scene.agents))  # 1 turns right, -1 left, 0 not at all
+        self._course = np.zeros(len(scene.agents))  # rad
+        self._wound = np.zeros(len(scene.agents))  # rad that it has turned towards what it follows
+        self._cruise = np.zeros(len(scene.agents))  # m/s, greatest preferred speed
 
     def avoid(self, estimate: Estimate, wanted: Setpoint) -> Setpoint:
         n = len(wanted.yaw)
@@ -55,11 +73,57 @@ class Voronoi:
         stopped = (got < least) & ((wish[:, :2] * alone).sum(axis=1) > least)  # not by an obstacle
         right = within(np.stack([wish[:, 1], -wish[:, 0]], axis=1), normal, most)
         flat = np.where(stopped[:, None], right, flat)
+        pace = np.linalg.norm(wish[:, :2], axis=1)
+        hovers = ~avoids | (pace < HOVERING)
+        self._cruise = np.where(hovers[:n], 0.0, np.maximum(self._cruise, pace[:n]))
+        arrives = hovers[:n] | (pace[:n] < ARRIVING * self._cruise)
+        self._turned[arrives], self._hand[arrives] = 0.0, 1.0
+        follows = ~arrives & (stopped[:n] | (self._turned > 0)) & (self._hand != 0)
+        if follows.any():
+            self._lead_around(position, wish, normal, most, follows, hovers, flat)
         velocity = np.column_stack([flat, self._climb(position, located, wish[:, 2])])
         speed = np.maximum(np.linalg.norm(velocity, axis=1, keepdims=True), self._speed)
         velocity *= self._speed / speed
         answer = np.where(avoids[:, None], velocity, wanted.velocity)
         return Setpoint(answer[:n], wanted.yaw[:n], wanted.active[:n])
+
+    def _lead_around(
+        self,
+        position: Array,
+        wish: Array,
+        normal: Array,
+        most: Array,
+        follows: Mask,
+        hovers: Mask,
+        flat: Array,
+    ) -> None:
+        """Change the velocities of agents that follow hovering ones, (N, 2) m/s, in `flat`."""
+        for row in follows.nonzero()[0]:
+            if self._turned[row] == 0.0:
+                others = most[row : row + 1].copy()
+                others[0, -len(hovers) :][hovers] = np.inf
+                onward = within(wish[row : row + 1], normal[row : row + 1], others)[0]
+                if onward @ wish[row, :2] < BLOCKED * (wish[row, :2] @ wish[row, :2]):
+                    continue  # by agents that fly
+                self._wound[row] = self._course[row] = 0.0
+            turned, hand = max(self._turned[row] - BACK, 0.0) + TURNS, self._hand[row]
+            course = np.arctan2(wish[row, 1], wish[row, 0]) - hand * turned
+            way = np.column_stack([np.cos(course), np.sin(course)])
+            pace, k = np.hypot(wish[row, 0], wish[row, 1]), len(turned)
+            tried = within(pace * way, normal[[row] * k], most[[row] * k])
+            free = (tried * way).sum(axis=1) > FREE * pace
+            first = int(free.argmax())
+            end = position[row, :2] + self._horizon * pace * way[first]
+            if not free[first]:
+                continue
+            if self._turned[row] > 0.0:
+                change = course[first] - self._course[row]
+                self._wound[row] += hand * ((change + np.pi) % (2 * np.pi) - np.pi)
+            self._turned[row], self._course[row] = turned[first], course[first]
+            flat[row] = tried[first]
+            fenced = not ((end > self._fence[0]) & (end < self._fence[1])).all()
+            if fenced or self._wound[row] > 2 * np.pi:
+                self._turned[row], self._hand[row] = 0.0, min(-hand, 0.0)
 
     def _agents(
         self, position: Array, located: Mask, avoids: Mask, margin: Array

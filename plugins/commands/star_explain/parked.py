@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from star_core import Mission, Problem, Registry
+from star_core import Array, Mask, Mission, Problem, Registry
 from star_core.toolkit import Rehearsal
 from star_explain.separation import kept_distance
 
@@ -26,6 +26,7 @@ def parked_problems(
     The avoiders concerned are those that do not declare `AvoiderSpec.uncertain_positions`: that
     traffic flows in narrow places too. Of 20 random missions with `voronoi` and `potential` and
     exact positions, 6 have such an agent; in two of these it waited forever, in no other mission.
+    With one that declares `AvoiderSpec.leads_around`, only goals that others can enclose concern.
 
     Args:
         mission: The mission.
@@ -33,19 +34,22 @@ def parked_problems(
         rehearsal: Of the mission, in which agents keep their distance.
     """
     scene, avoider = mission.scene, mission.plugins["avoider"]
-    if "radius" not in avoider.options or (
-        registry.find("avoider", avoider.use).offer.uncertain_positions
-    ):
+    offer = registry.find("avoider", avoider.use).offer
+    if "radius" not in avoider.options or offer.uncertain_positions:
         return
     time, position, _, airborne = rehearsal.sampled(PERIOD)
     if len(time) < 2:  # noqa: PLR2004 -- no motion
         return
     speed = np.linalg.norm(np.gradient(position, PERIOD, axis=0)[..., :2], axis=2)
+    hovers = airborne & (speed < PARKED_SPEED)
+    stuck = np.ones(airborne.shape, np.bool_)
+    if offer.leads_around:
+        stuck = _to_crowded_goals(position, hovers, 2 * kept_distance(mission))
     for row, other in permutations(range(len(scene.agents)), 2):
         offset = position[:, row] - position[:, other]
-        meets = airborne[:, row] & airborne[:, other]
+        meets = airborne[:, row] & hovers[:, other] & stuck[:, row]
         meets &= np.abs(offset[:, 2]) < scene.limits.vertical_separation
-        meets &= (speed[:, row] > MIN_SPEED) & (speed[:, other] < PARKED_SPEED)
+        meets &= speed[:, row] > MIN_SPEED
         meets &= np.hypot(offset[:, 0], offset[:, 1]) < kept_distance(mission) + DISTANCE_TOLERANCE
         if meets.any():
             yield Problem(
@@ -57,3 +61,21 @@ def parked_problems(
                 warning=True,
             )
             return
+
+
+def _to_crowded_goals(position: Array, hovers: Mask, gap: float) -> Mask:
+    """Return when agents are on their way to hover next to two others that hover then: (T, N).
+
+    Args:
+        position: (T, N, 3) m.
+        hovers: (T, N).
+        gap: Distance of two agents that others pass between, m.
+    """
+    crowded = np.zeros(hovers.shape, np.bool_)
+    for row in range(hovers.shape[1]):
+        stops = hovers[:, row].nonzero()[0]
+        offset = position[stops, :, :2] - position[stops, row, None, :2]
+        near = hovers[stops] & (np.hypot(offset[..., 0], offset[..., 1]) < gap)
+        among = np.append(near.sum(axis=1) > 2, False)  # noqa: PLR2004 -- itself is one
+        crowded[:, row] = among[np.searchsorted(stops, np.arange(len(hovers)))]
+    return crowded

@@ -105,6 +105,34 @@ def test_orca_passes_closer_to_agents_at_other_heights() -> None:
     assert flown.missing.max() < 0.1
 
 
+@pytest.mark.parametrize(
+    "hovering",
+    [
+        [(0.0, 0.0)],
+        [(0.0, 0.35), (0.0, -0.35)],
+        [(0.0, 0.6 * k) for k in range(-3, 4)],
+        [(0.5, 0.0), (0.2, 0.6), (0.2, -0.6), (-0.4, 0.7), (-0.4, -0.7)],  # open where it comes
+    ],
+)
+def test_voronoi_leads_around_agents_that_hover(hovering: list[tuple[float, float]]) -> None:
+    start = np.array([(x, y, 0.8) for x, y in [(-1.5, 0.0), *hovering]])
+    goal = start + [[4.0, 0.0, 0.0]] * (np.arange(len(start)) == 0)[:, None]
+    around = room(len(start))
+    flown = fly(made("voronoi", around), around, start, goal, 40.0)
+    assert flown.separation > 0.4
+    assert flown.missing.max() < 0.05
+
+
+def test_voronoi_waits_near_a_goal_that_others_enclose() -> None:
+    ring = 0.6 * circle(6)[:, :2] / 1.5
+    start = np.array([(x, y, 0.8) for x, y in [(-1.5, 0.0), *ring]])
+    goal = start * (np.arange(len(start)) > 0)[:, None] + [0.0, 0.0, 0.8] * np.eye(7)[:, :1]
+    around = room(len(start))
+    flown = fly(made("voronoi", around), around, start, goal, 60.0)
+    assert flown.separation > 0.4
+    assert 0.6 < flown.missing[0] < 1.1
+
+
 @all_avoiders
 def test_a_wall_ahead_is_not_touched(name: str) -> None:
     around = room(2, box(0.0, -3.0, 0.2, 3.0))

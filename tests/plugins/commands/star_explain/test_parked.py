@@ -20,7 +20,7 @@ swarm:
 transport: {use: sim, profile: ideal, controller: ideal, noise: false}
 localizer: flow
 planner: straight
-avoider: voronoi
+avoider: potential
 mission:
   - takeoff: {height: 0.8}
   - goto: {agents: cf1, to: [3, 0, 0.8]}
@@ -31,7 +31,7 @@ mission:
 @pytest.mark.parametrize(
     ("change", "is_warned"),
     [
-        ("avoider=voronoi", True),
+        ("avoider=voronoi", False),
         ("avoider=potential", True),
         ("avoider=orca", False),
         ("avoider=none", False),
@@ -46,3 +46,12 @@ def test_a_hovering_agent_in_the_way_is_warned_of(
     (tmp_path / "passing.yaml").write_text(MISSION)
     found = check_file(tmp_path / "passing.yaml", Registry(), [change])[1]
     assert ["[agent-in-the-way]" in text for text in found] == [True] * is_warned
+
+
+def test_voronoi_is_warned_of_goals_between_hovering_agents(tmp_path: Path) -> None:
+    beside = "swarm.cf3.start=[3, 0.6, 0]", "swarm.cf4.start=[3, -0.6, 0]"
+    (tmp_path / "hall.yaml").write_text(WORLD)
+    (tmp_path / "passing.yaml").write_text(MISSION)
+    changes = ["avoider=voronoi", *beside]
+    found = check_file(tmp_path / "passing.yaml", Registry(), changes)[1]
+    assert ["[agent-in-the-way]" in text for text in found] == [True]
