@@ -39,6 +39,8 @@ def drift_problems(mission: Mission, registry: Registry, rehearsal: Rehearsal) -
     scene, localizer = mission.scene, mission.plugins["localizer"]
     offer = registry.find("localizer", localizer.use).offer
     time, position, yaw, airborne = rehearsal.sampled(PERIOD)
+    if not airborne.any():
+        return
     std = offer.drift(scene, time, position, yaw, **localizer.options)
     flight = RehearsedFlight(time, position, airborne, std)
     if mission.scene.limits.separation > 0:

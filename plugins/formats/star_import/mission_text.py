@@ -53,8 +53,8 @@ def mission_lines(
         decks = "  # needs a Flow deck on each drone"
         log.warning(
             frame.name,
-            f"this swarm was localized by {frame.positioning}; STAR has no such localizer yet, "
-            f"`{localizer}` needs a Flow deck on each drone",
+            f"this swarm was localized by {frame.positioning}; it is flown by `{localizer}`, which "
+            "needs a Flow deck on each drone; see localizer `positioning` for the alternative",
         )
     if frame.landmarks:
         log.add(frame.name, "every agent carries an AI-deck, since the world has landmarks")

@@ -42,6 +42,10 @@ def test_a_short_flight_side_by_side_is_safe(tmp_path: Path) -> None:
     assert warnings(tmp_path) == []
 
 
+def test_agents_that_stay_on_the_ground_do_not_drift(tmp_path: Path) -> None:
+    assert warnings(tmp_path, "mission=[{hold: {}}]") == []
+
+
 @pytest.mark.parametrize(
     "change", ["mission.1.hold.for=60", "swarm.cf2.start=[0.5, 0, 0]", "localizer.error_std=0.5"]
 )

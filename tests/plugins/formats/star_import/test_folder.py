@@ -228,3 +228,10 @@ def test_files_of_star_and_other_folders_are_left_to_star(tmp_path: Path, text: 
     (problem,) = problems(tmp_path)
     assert problem == f"{tmp_path}: is a directory, expected a YAML file [unreadable-file]"
     assert "mine.yaml:1:1" in problems("mine.yaml")[0]
+
+
+@pytest.mark.usefixtures("folder")
+def test_an_empty_list_of_commands_is_a_mission_that_does_nothing() -> None:
+    Path("mission/up.yaml").write_text("command_sequence: [\n  # nothing\n]\n")
+    text, _ = checked("mission/up.yaml")
+    assert text == "mission/up.yaml: 'up' can be flown, with 2 agents"

@@ -17,8 +17,8 @@ Put = Callable[[str, str], str]
 Swarm = Callable[..., list[str]]
 IMPORTED = Path("imported/crazyflies.yaml")
 WARNING = (
-    "crazyflies: warning: this swarm was localized by {}; STAR has no such localizer yet, `{}` "
-    "needs a Flow deck on each drone"
+    "crazyflies: warning: this swarm was localized by {}; it is flown by `{}`, which "
+    "needs a Flow deck on each drone; see localizer `positioning` for the alternative"
 )
 TAGS = """\
 april_tags:
