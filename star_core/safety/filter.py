@@ -134,7 +134,7 @@ class SafetyFilter:
         two, level, both = np.zeros((2, 3)), np.zeros(2), np.ones(2, np.bool_)
         frames, setpoint = Transform(level, two), Setpoint(two, level, both)
         estimate = Estimate(0.0, two, two, level, np.zeros((2, 3, 3)), both, frames)
-        self.filter(estimate, setpoint, setpoint, Pairs.of(two, self.reach))
+        self.filter(estimate, setpoint, setpoint, Pairs.of(estimate.position, self.reach))
         warm_up(agents)
 
 
