@@ -112,6 +112,37 @@ class Choice:
 Node: TypeAlias = Action | Parallel | Repeat | Choice
 
 
+@dataclass(frozen=True, slots=True)
+class Reaction:
+    """Steps that replace, once, what their agents do when a condition comes true.
+
+    Attributes:
+        when: The condition; it is about all agents unless it names others.
+        steps: One after the other.
+        location: In the source, ``file:line:col``.
+        at: Its path in the document.
+    """
+
+    when: Condition
+    steps: tuple[Node, ...]
+    location: str = ""
+    at: tuple[str | int, ...] = ()
+
+    @property
+    def label(self) -> str:
+        """File, line and condition, for messages: ``tour.yaml:3 on 2 targets are found``."""
+        return f"{_short(self.location)} on {self.when}"
+
+    @property
+    def first_actions(self) -> Mapping[int, Action]:
+        """The action with which each of its agents begins, by row."""
+        first: dict[int, Action] = {}
+        for action in actions(self.steps):
+            for row in action.rows:
+                first.setdefault(row, action)
+        return first
+
+
 def nodes(steps: Sequence[Node], *, first: bool = False) -> Iterator[Node]:
     """Yield every step, each before the steps in it, in the order of the file.
 
@@ -168,6 +199,7 @@ class Mission:
         scene: What every plugin is made with.
         plugins: The transport, localizer, planner and avoider, by kind.
         steps: What to do, one after the other.
+        reactions: What to do instead when conditions come true, the most important first.
         safety: What becomes of agents in trouble, by the trouble.
         reserve: Agents that replace others, and when; empty if there are none.
         plugin_strikes: Number of failures of a plugin in flight at which all agents land.
@@ -190,6 +222,12 @@ class Mission:
     file: SourceFile
     world_file: SourceFile
     warnings: tuple[str, ...] = ()
+    reactions: tuple[Reaction, ...] = ()
+
+    @property
+    def all_steps(self) -> tuple[Node, ...]:
+        """Its steps, and those of its reactions."""
+        return (*self.steps, *(step for reaction in self.reactions for step in reaction.steps))
 
     def with_seed(self, seed: int) -> Mission:
         """Return the same mission with another seed."""

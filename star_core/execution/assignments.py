@@ -60,12 +60,32 @@ class Assignments:
         self._holder = list(range(n))
         self._vacant = set(reserve)
         self.retired = set(reserve)
+        self._program: dict[int, int] = {}
         self.version = 0
         self._changed()
 
-    def holders(self, slots: Iterable[int]) -> dict[int, int]:
-        """Return the row of the agent of each of some slots, without the empty ones."""
-        return {slot: self._holder[slot] for slot in slots if slot not in self._vacant}
+    def holders(self, slots: Iterable[int], program: int | None = None) -> dict[int, int]:
+        """Return the row of the agent of each of some slots, without the empty ones.
+
+        Args:
+            slots: Any slots.
+            program: Only those whose agents follow this one: 0, the steps of the mission, or the
+                number of a reaction, from 1; None for all.
+        """
+        return {
+            slot: self._holder[slot]
+            for slot in slots
+            if slot not in self._vacant and program in {None, self.program(slot)}
+        }
+
+    def program(self, slot: int) -> int:
+        """Return the program that the agent of a slot follows."""
+        return self._program.get(slot, 0)
+
+    def take_over(self, slots: Iterable[int], program: int) -> None:
+        """Let the agents of some slots follow a reaction from now on."""
+        self._program |= dict.fromkeys(slots, program)
+        self._changed()
 
     def slot(self, row: int) -> int | None:
         """Return the slot of an agent; None if it is not in the mission."""

@@ -16,7 +16,7 @@ from star_core.execution.step_run import (
     TickContext,
 )
 from star_core.messages.commands import Trajectory
-from star_core.messages.state import UNFIT
+from star_core.messages.state import UNFIT, AgentPhase
 from star_core.mission import Action, Choice, Mission, Node, Parallel, Repeat
 from star_core.observers import Observers
 from star_core.plugin_support.guard import Strikes
@@ -51,7 +51,9 @@ class StepExecutor:
         self._shared = Execution(mission.scene, assignments, tasks, observers, strikes)
         self._tick: TickContext
         self._draft: Draft
-        self._running = self._sequence(mission.steps)
+        self._running = [self._sequence(mission.steps)]
+        self._reactions = dict(enumerate(mission.reactions, start=1))  # that have not begun
+        self._ending: set[int] = set()  # agents in steps that end on the ground
         self._time = 0.0
         self.steps: list[dict[str, Any]] = []
         self.reason = ""
@@ -66,8 +68,49 @@ class StepExecutor:
         self._tick, self._time = tick, tick.time
         self._draft = Draft(Instructions(tick.goals))
         self._draft.goals.stop()
-        status = next(self._running)
+        if self._reactions:
+            self._react()
+        statuses = [next(sequence) for sequence in self._running]
+        pairs = zip(self._running, statuses, strict=True)
+        self._running = [sequence for sequence, status in pairs if status is Status.RUNNING]
+        status = Status.RUNNING if self._running else Status.SUCCESS
+        if Status.FAILURE in statuses:
+            status = Status.FAILURE
         return status, self._draft.finish()
+
+    def _react(self) -> None:
+        """Begin the reactions whose conditions hold, once none of their agents takes off.
+
+        They take over no agent from a reaction before them in the mission, none whose step ends on
+        the ground or that lands, and none that is on the ground or in the air where their steps
+        need it to be elsewhere.
+        """
+        assignments, tick = self._assignments, self._tick
+        phase = tick.health.phase
+        for number, reaction in list(self._reactions.items()):
+            rows = tuple(assignments.holders(range(len(phase))).values())
+            if not self._shared.holds(reaction.when, tick, rows, begun=0.0):
+                continue
+            free: dict[int, int] = {}
+            for slot, first in reaction.first_actions.items():
+                joins = first.verb == JOIN and slot in assignments.retired
+                row = slot if joins else assignments.holders([slot]).get(slot)
+                before = self._tasks.spec(first).before
+                if row is None or row in self._ending or phase[row] in {AgentPhase.LANDING, *UNFIT}:
+                    continue
+                flies = phase[row] in {AgentPhase.FLYING, AgentPhase.TAKING_OFF}
+                fits = before is None or flies == (before == "air")
+                if fits and (assignments.program(slot) or number) >= number:
+                    free[slot] = row
+            if any(phase[row] == AgentPhase.TAKING_OFF for row in free.values()):
+                continue
+            del self._reactions[number]
+            named = self._shared.scene.named(free.values()) or "no agent"
+            text = f"{reaction.label}: {named} {'react' if len(free) > 1 else 'reacts'}"
+            self._shared.observers.event("step", text, details={"location": reaction.location})
+            if free:
+                assignments.take_over(free, number)
+                self._running.append(self._sequence(reaction.steps))
 
     def close(self) -> list[str]:
         """Abort the running steps and close every task; return their errors."""
@@ -129,7 +172,8 @@ class StepExecutor:
             for slot in self._assignments.retired.intersection(action.rows):
                 self._assignments.assign(slot, slot)
         log, scene = self._shared.log, self._shared.scene
-        holders = self._assignments.holders(action.rows)
+        program = self._tasks.program(action)
+        holders = self._assignments.holders(action.rows, program)
         if not holders:
             log("skipped: no agent is left for it", action, (), rounds)
             yield Status.SUCCESS
@@ -141,9 +185,18 @@ class StepExecutor:
         log(f"begins{until}{wait}", action, team.rows, rounds)
         run = StepRun.begin(action, team, self._tick, self._draft, self._shared, rounds)
         self.steps.append(run.entry)
+        ends = self._tasks.spec(action).after == "ground"
         while (result := run.step(self._tick, self._draft))[0] is Status.RUNNING:
+            if ends:
+                self._ending.update(run.team.rows)
             yield Status.RUNNING
         status, reason = result
+        self._ending.difference_update(run.team.rows if ends else ())
+        if not run.team.rows and self._assignments.holders(action.rows):
+            run.entry |= {"ended_s": self._tick.time, "outcome": "aborted"}
+            log("is over: its agents react", action, (), rounds)
+            yield Status.SUCCESS
+            return
         self._draft.free.update(run.team.rows)
         outcome = "success" if status is Status.SUCCESS else "failure"
         run.entry |= {"ended_s": self._tick.time, "outcome": outcome}

@@ -35,6 +35,7 @@ from star_core.plugin_support.guard import (
 )
 from star_core.plugin_support.outputs import checked_timeout
 from star_core.plugin_support.registry import Registry
+from star_core.plugin_support.specs import TaskSpec
 from star_core.toolkit.timeouts import step_timeout
 from star_core.world.scene import Scene
 
@@ -255,7 +256,8 @@ class StepRun:
         """
         assignments = self.shared.assignments
         self.version = assignments.version
-        before, now = self.team.holders, assignments.holders(self.action.rows)
+        program = self.shared.tasks.program(self.action)
+        before, now = self.team.holders, assignments.holders(self.action.rows, program)
         if now == before:
             return
         draft.free |= set(before.values()) - set(now.values())
@@ -319,10 +321,15 @@ class TaskPool:
         self._registry = registry
         self._compute_time = compute_time
         self._ready: dict[int, Task] = {}
+        self._programs = {
+            id(action): number
+            for number, reaction in enumerate(mission.reactions, start=1)
+            for action in actions(reaction.steps)
+        }
         self._closing: list[tuple[PluginGuard, object]] = []
         self.trajectories: tuple[Trajectory, ...] = ()
         try:
-            for action in actions(mission.steps):
+            for action in actions(mission.all_steps):
                 task = self._ready[id(action)] = self.make(action, action.rows)
                 self._add_trajectories(task, self._guard(action))
         except BaseException:
@@ -333,6 +340,15 @@ class TaskPool:
         """Return a task of a step for some of its agents, and the guard that names its plugin."""
         ready = self._ready.pop(id(action), None) if rows == action.rows else None
         return ready or self.make(action, rows), self._guard(action, timed=True)
+
+    def program(self, action: Action) -> int:
+        """Return the program of a step: 0, or the number of its reaction, from 1."""
+        return self._programs.get(id(action), 0)
+
+    def spec(self, action: Action) -> TaskSpec:
+        """Return the announcement of a step's task."""
+        spec: TaskSpec = self._registry.find("task", action.verb).offer
+        return spec
 
     def close(self) -> list[str]:
         """Close every task that has ``close()``; return their errors."""
@@ -350,7 +366,7 @@ class TaskPool:
 
     def make(self, action: Action, rows: tuple[int, ...]) -> Task:
         """Make a step's task for some of its agents."""
-        spec = self._registry.find("task", action.verb).offer
+        spec = self.spec(action)
         options = dict(action.options)
         guard = self._guard(action)
         with guard:

@@ -4,6 +4,7 @@ from star_core.conditions import AllOf as AllOf
 from star_core.conditions import AnyOf as AnyOf
 from star_core.conditions import BatteryBelow as BatteryBelow
 from star_core.conditions import Condition as Condition
+from star_core.conditions import ConditionContext as ConditionContext
 from star_core.conditions import Elapsed as Elapsed
 from star_core.conditions import Happened as Happened
 from star_core.conditions import NamedAgents as NamedAgents

@@ -43,7 +43,7 @@ def manifest(mission: Mission, registry: Registry) -> dict[str, Any]:
         },
         "verbs": {
             action.verb: {"plugin": action.source.plugin, "version": action.source.version}
-            for action in actions(mission.steps)
+            for action in actions(mission.all_steps)
         },
         "third_parties": {source.plugin: source.version for source in sources if not source.own},
         **software(),

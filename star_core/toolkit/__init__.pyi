@@ -32,6 +32,7 @@ from star_core.mission import Action as Action
 from star_core.mission import Choice as Choice
 from star_core.mission import Node as Node
 from star_core.mission import Parallel as Parallel
+from star_core.mission import Reaction as Reaction
 from star_core.mission import Repeat as Repeat
 from star_core.mission import actions as actions
 from star_core.operator import Paced as Paced

@@ -402,6 +402,76 @@ def test_a_choice_in_each_is_about_its_agent_and_may_be_empty(lab: Lab) -> None:
     assert [step["agents"] for step in summary["steps"]] == [["cf2"]]  # cf1 was before any step
 
 
+WAITS = "\n  - wait: {seconds: 1}\n  - wait: {seconds: 1}"
+
+
+def reacts(*reactions: tuple[str, str]) -> str:
+    """The reactions of a mission."""
+    listed = [f"  - {{when: {when}, then: [{steps}]}}\n" for when, steps in reactions]
+    return "on:\n" + "".join(listed)
+
+
+def order(summary: dict[str, Any]) -> list[tuple[Any, ...]]:
+    """The steps of a flight: agents, begin, end and outcome."""
+    return [
+        (step["agents"], round(step["begun_s"], 2), round(step["ended_s"], 2), step["outcome"])
+        for step in summary["steps"]
+    ]
+
+
+def test_a_reaction_replaces_what_its_agents_do(lab: Lab) -> None:
+    more = reacts(("{time: 0.5}", "wait: {agents: cf1, seconds: 3}"))
+    summary = lab.fly(WAITS, more=more)
+    assert summary["outcome"] == "completed"
+    assert order(summary) == [
+        (["cf1", "cf2"], 0.0, 1.5, "success"),  # the task of the one that stays is a new one
+        (["cf1"], 0.5, 3.5, "success"),
+        (["cf2"], 1.5, 2.5, "success"),
+    ]
+
+
+def test_a_step_whose_agents_all_react_is_over(lab: Lab) -> None:
+    summary = lab.fly(WAITS, more=reacts(("{time: 0.5}", "wait: {seconds: 2}")))
+    assert summary["outcome"] == "completed"
+    assert order(summary) == [
+        (["cf1", "cf2"], 0.0, 0.5, "aborted"),
+        (["cf1", "cf2"], 0.5, 2.5, "success"),
+    ]
+    assert lab.said("failure") == []
+
+
+def test_a_reaction_comes_once_and_only_while_steps_run(lab: Lab) -> None:
+    more = reacts(("{event: step}", "wait: {agents: cf1, seconds: 0.1}"),
+                  ("{time: 30}", "wait: {seconds: 0.1}"))  # fmt: skip
+    summary = lab.fly(WAITS, more=more)
+    assert summary["outcome"] == "completed"
+    assert [step["agents"] for step in summary["steps"]].count(["cf1"]) == 1
+    assert len([text for text in lab.said("step") if " on " in text]) == 1
+
+
+@pytest.mark.parametrize(("first", "second"), [(0.5, 0.8), (0.8, 0.5), (0.5, 0.5)])
+def test_the_first_reaction_that_is_listed_goes_before_others(
+    lab: Lab, first: float, second: float
+) -> None:
+    more = reacts((f"{{time: {first}}}", "wait: {agents: cf1, seconds: 3}"),
+                  (f"{{time: {second}}}", "wait: {seconds: 1}"))  # fmt: skip
+    summary = lab.fly(WAITS, more=more)
+    assert summary["outcome"] == "completed"
+    assert (["cf1"], first, first + 3, "success") in order(summary)
+
+
+def test_a_reaction_that_fails_aborts_the_mission(lab: Lab) -> None:
+    more = reacts(("{time: 0.5}", "wait: {agents: cf1, seconds: 0.2, fails: no film}"))
+    summary = lab.fly(WAITS, more=more)
+    assert summary["outcome"] == "failed"
+    assert "no film" in summary["reason"]
+
+
+def test_a_reaction_without_agents_in_the_mission_does_nothing(lab: Lab) -> None:
+    more = reacts(("{event: safety}", "wait: {seconds: 5}"))
+    assert [step["agents"] for step in lab.fly(WAITS, more=more)["steps"]] == [["cf1", "cf2"]] * 2
+
+
 def test_a_step_that_is_repeated_begins_with_a_new_task(lab: Lab) -> None:
     made: list[Any] = []
 

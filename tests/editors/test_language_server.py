@@ -33,10 +33,12 @@ avoider: {use: orca, radius: 0.2}
 MISSION = f"""\
 {HEAD}{TOP}safety: {{battery_low: {{below: 3.5}}}}
 let: {{top: 1, leader: cf1, corner: [0, $(top / 2), $top]}}
+on: [{{when: {{battery_below: 3.4, agents: {{all: [cf1]}}}}, then: [leave: {{}}]}}]
 mission:
   - takeoff: {{height: 0.8}}
   - goto: {{agents: $leader, to: [0, $(0.5 * top), $top], speed: 0.3, yaw_deg: 90}}
   - each: {{with: {{cf1: {{by: [0, 0, 0.1]}}}}, steps: [goto: {{by: $by}}]}}
+  - if: {{when: {{time: 9}}, then: [land: {{}}], else: [hold: {{}}]}}
   - hold: {{for: 2, until: {{elapsed: 1}}, timeout: 5}}
   - land: {{}}
 """
@@ -166,7 +168,7 @@ def test_the_options_of_the_plugin_that_is_used_are_offered(offered: Offered) ->
 def test_the_options_of_a_verb_are_offered_once_each(offered: Offered, head: str) -> None:
     found = offered(f"{head}mission:\n  - goto:\n      agents: cf1\n      |\n")
     assert [item["label"] for item in found] == [
-        *("to", "by", "yaw_deg", "speed", "spacing", "within"),
+        *("to", "by", "relative_to", "moving", "yaw_deg", "speed", "spacing", "within"),
         *("until", "timeout", "on_failure"),
     ]
 

@@ -12,6 +12,7 @@ from tests.fuzz.harness import Draw
 from tests.fuzz.random_steps import Author, Infeasible, yaml_text
 from tests.fuzz.random_worlds import Data, Room
 
+REACTS: Final = 0.15  # share of the missions with a reaction
 LOCALIZERS: Final = ("exact", "flow", "apriltag")
 NAMED: Final = 0.3  # share of the missions that name numbers, and of the numbers that stay
 
@@ -80,6 +81,8 @@ def random_mission(
     }
     if author.reserve:
         mission["reserve"] = {"agents": author.reserve, "relieve_below": 3.0}
+    if draw.random() < REACTS:
+        mission["on"] = [author.reaction()]
     names: Data = {}
     if draw.random() < NAMED:
         body = _named(draw, body, names)

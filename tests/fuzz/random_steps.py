@@ -78,6 +78,13 @@ class Author:
         written.append({"land": self._some({"speed": 0.3}) | {"agents": list(self._flying)}})
         return written
 
+    def reaction(self) -> Data:
+        """Return a reaction: agents stop where they are, and land."""
+        name = self._draw.choice([name for name in self.names if name not in self.reserve])
+        when = self._draw.choice([{"time": 9.0}, {"battery_below": 3.2}, {"event": "landing"}])
+        stop = {"hold": {"agents": name, "for": 1.0}}
+        return {"when": when, "then": [stop, {"land": {"agents": name}}]}
+
     def _step(self) -> list[Data]:
         """Return a step, or several that belong together."""
         lost = [name for name in self._flying if self._position[name] is None]

@@ -96,7 +96,7 @@ def _digest(condition: Condition) -> str:
         "mission": mission.source,
         "world": mission.world_file.data,
         "plugins": {kind: str(choice.source) for kind, choice in mission.plugins.items()},
-        "verbs": {action.verb: str(action.source) for action in actions(mission.steps)},
+        "verbs": {action.verb: str(action.source) for action in actions(mission.all_steps)},
     }
     text = json.dumps(content, sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:16]

@@ -35,7 +35,7 @@ def star_check(mission: Mission, registry: Registry) -> Iterator[Problem]:
         step.timeout is not None
         and step.until is None
         and registry.find("task", step.verb).offer.exclusive is None
-        for step in actions(mission.steps)
+        for step in actions(mission.all_steps)
     )
     yield from exact_positions_only(mission, registry)
     limits = mission.scene.limits

@@ -47,7 +47,10 @@ class _Chart:
     def sequence(self, group: Group, before: str) -> str:
         """Draw steps in sequence after a node; return the last node."""
         for part in group.parts:
-            before = self._part(part, group, before)
+            if isinstance(part, Group) and part.standing:
+                self._framed(part.title, part, self._node("([{}])", "at any time"))
+            else:
+                before = self._part(part, group, before)
         return before
 
     def _part(self, part: Part, above: Group, before: str) -> str:

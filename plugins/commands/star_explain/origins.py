@@ -36,6 +36,10 @@ class Origins:
             for step in sorted(inner, key=lambda step: step.begun):
                 self._note(step)
             self.uncertain.append(frozenset(self._unsure))
+        for reaction in mission.reactions:
+            for action in actions(reaction.steps):
+                for step in self.rounds.get(id(action), ()):
+                    self._note(step)
 
     def certain(self, action: Action) -> bool:
         """Return whether the agents of a step begin it where the rehearsal has them."""

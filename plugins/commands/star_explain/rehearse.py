@@ -60,8 +60,13 @@ def rehearse(mission: Mission, registry: Registry) -> Rehearsal:
     scene = replace(mission.scene, realtime=True, period=TICK)
     actions: dict[int, Action] = {}
     steps = tuple(_without_timeouts(step, actions) for step in mission.steps)
+    reactions = tuple(
+        replace(each, steps=tuple(_without_timeouts(step, actions) for step in each.steps))
+        for each in mission.reactions
+    )
     tasks = _Tasks(registry, actions)
-    runner = MissionSteps(replace(mission, scene=scene, steps=steps), registry, tasks.make)
+    rehearsed = replace(mission, scene=scene, steps=steps, reactions=reactions)
+    runner = MissionSteps(rehearsed, registry, tasks.make)
     try:
         return _run(mission, runner, tasks, _handling(mission, registry))
     finally:

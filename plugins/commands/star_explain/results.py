@@ -13,6 +13,7 @@ from star_core.toolkit import (
     Choice,
     Node,
     Parallel,
+    Reaction,
     Rehearsal,
     RehearsedStep,
     Repeat,
@@ -85,12 +86,14 @@ class Group:
         times: Number of repetitions.
         parts: The steps.
         title: When they run, if that depends on a condition; of both branches, the condition.
+        standing: Whether they are a reaction, which no other step leads to.
     """
 
     at_once: bool
     times: int
     parts: tuple[Part, ...]
     title: str = ""
+    standing: bool = False
 
     @property
     def file(self) -> str:
@@ -133,7 +136,7 @@ def results(mission: Mission, registry: Registry, rehearsal: Rehearsal, origins:
     """Return the results of a mission's steps."""
     tree = _Tree(mission, registry, rehearsal, origins)
     parts = tuple(tree.of(step) for step in mission.steps)
-    return Group(at_once=False, times=1, parts=parts)
+    return Group(at_once=False, times=1, parts=(*parts, *map(tree.reaction, mission.reactions)))
 
 
 def steps_of(part: Part) -> Iterator[StepResult]:
@@ -190,6 +193,10 @@ class _Tree:
                 if otherwise:
                     sequences.append(self._sequence(otherwise, title="otherwise"))
                 return Group(at_once=True, times=1, parts=tuple(sequences), title=f"if {when}")
+
+    def reaction(self, reaction: Reaction) -> Group:
+        """Return the results of what is done on a condition."""
+        return replace(self._sequence(reaction.steps, title=f"on {reaction.when}"), standing=True)
 
     def _sequence(self, steps: Sequence[Node], *, times: int = 1, title: str = "") -> Group:
         parts = tuple(self.of(step) for step in steps)

@@ -6,8 +6,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Final
 
-from star_core import Mission
-from star_core.formats import AllOf, Condition, Not, nodes
+from star_core import AgentPhase, Mission
+from star_core.formats import AllOf, Condition, ConditionContext, Not, nodes
 from star_core.toolkit import Choice, Node, Parallel, Repeat
 
 ALWAYS: Final = AllOf(())
@@ -15,14 +15,35 @@ NEVER: Final = Not(ALWAYS)
 
 
 def variants(mission: Mission) -> Iterator[Mission]:
-    """Yield a mission, and if it chooses steps, one with each outcome of all choices.
+    """Yield a mission; if it chooses steps, one with each outcome of all choices; its reactions.
 
-    They consist of the same actions.
+    Each of those comes once all agents fly. The variants consist of the same actions.
     """
     yield mission
-    if any(isinstance(node, Choice) for node in nodes(mission.steps)):
+    if any(isinstance(node, Choice) for node in nodes(mission.all_steps)):
         for outcome in (ALWAYS, NEVER):
-            yield replace(mission, steps=_decided(mission.steps, outcome))
+            reactions = tuple(
+                replace(reaction, steps=_decided(reaction.steps, outcome))
+                for reaction in mission.reactions
+            )
+            steps = _decided(mission.steps, outcome)
+            yield replace(mission, steps=steps, reactions=reactions)
+    for i, reaction in enumerate(mission.reactions):
+        others = mission.reactions[:i], mission.reactions[i + 1 :]
+        comes = replace(reaction, when=AllFly())
+        yield replace(mission, reactions=(*others[0], comes, *others[1]))
+
+
+class AllFly(Condition):
+    """All agents of the mission are in the air."""
+
+    __slots__ = ()
+
+    def holds(self, now: ConditionContext) -> bool:
+        return all(now.health.phase[row] == AgentPhase.FLYING for row in now.rows)
+
+    def __str__(self) -> str:
+        return "all agents fly"
 
 
 def _decided(steps: Sequence[Node], outcome: Condition) -> tuple[Node, ...]:

@@ -62,7 +62,7 @@ def star_file_kinds() -> Iterator[FileKindSpec]:
         summary="A mission: world, swarm, plugins and steps.",
         noun="a mission",
         # `agents` and `drones` are mistakes for `swarm`
-        keys=("mission", "world", "swarm", "let", "agents", "drones", *PIPELINE_KINDS),
+        keys=("mission", "world", "swarm", "let", "on", "agents", "drones", *PIPELINE_KINDS),
         schema=_mission_schema,
         hints={"study": "`star run` flies it"},
     )

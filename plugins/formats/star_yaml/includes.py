@@ -47,8 +47,9 @@ def resolved(
     files = _Files(document, registry, findings)
     if "cameras" in data:
         data["cameras"] = files.cameras(data["cameras"])
-    if "mission" in data:
-        data["mission"] = files.steps(data["mission"], (document.path.resolve(),))
+    for key in ("mission", "on"):
+        if key in data:
+            data[key] = files.steps(data[key], (document.path.resolve(),))
     return replace(document, root=replace(document.root, data=data)), findings.problems
 
 

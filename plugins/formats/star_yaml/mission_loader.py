@@ -76,9 +76,11 @@ def checked(written: Document, registry: Registry, assignments: Sequence[str] = 
     flight = replace(scene(document.path.parent, data, room), **properties)
     uncertain = uncertain_groups(document.data, data)
     builder = StepBuilder(document, refused, flight, uncertain, registry)
-    steps = builder.build()
+    steps, reactions = builder.build(), builder.reactions()
     mission_problems = [
-        *of_mission(document, data, steps, flight, registry, world_known=room is not None)
+        *of_mission(
+            document, data, steps, reactions, flight, registry, world_known=room is not None
+        )
     ]
     problems += document.located(
         [*builder.problems, *(problem for problem in mission_problems if not problem.warning)]
@@ -93,6 +95,7 @@ def checked(written: Document, registry: Registry, assignments: Sequence[str] = 
             for kind in PIPELINE_KINDS
         },
         steps=steps,
+        reactions=reactions,
         safety=data["safety"],
         reserve=data["reserve"],
         plugin_strikes=data["plugin_strikes"],

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from jsonschema import ValidationError
 
 _MEANT: Final = {"agents": "swarm", "drones": "swarm", "robots": "swarm", "steps": "mission"}
+_STEPS: Final = {"mission": 2, "on": 4}  # lengths of the paths to steps
 _NESTED: Final = (("repeat", "steps"), ("each", "steps"), ("if", "then"), ("if", "else"))
 """Where steps stand inside of a step."""
 
@@ -98,7 +99,8 @@ def _explain(breach: Breach, data: Any) -> Iterator[Fault]:
 
 def _step_in(path: Location) -> Location:
     """Return the path of the innermost step that `path` leads into; empty if there is none."""
-    at = 2 if path[:1] == ("mission",) and len(path) > 1 else 0
+    at = _STEPS.get(str(path[0]), 0) if path else 0
+    at = at if len(path) >= at and path[2:3] != ("when",) else 0
     while at and len(path) > at + 1:
         if path[at] == "parallel":
             at += 2

@@ -20,6 +20,7 @@ from star_core.toolkit import (
     Choice,
     Node,
     Parallel,
+    Reaction,
     Repeat,
     fill_defaults,
     suggestion,
@@ -75,6 +76,23 @@ class StepBuilder:
     def build(self) -> tuple[Node, ...]:
         """Return the steps of the mission."""
         return self._steps(self._document.data.get("mission"), ("mission",), self._groups)
+
+    def reactions(self) -> tuple[Reaction, ...]:
+        """Return what the mission has ``on`` conditions."""
+        written = self._document.data.get("on", [])
+        reactions = []
+        for i, reaction in enumerate(written if isinstance(written, list) else ()):
+            at: Location = ("on", i)
+            content = reaction if isinstance(reaction, dict) else {}
+            reactions.append(
+                Reaction(
+                    when=self._condition(content.get("when"), (*at, "when")) or ALWAYS,
+                    steps=self._steps(content.get("then"), (*at, "then"), self._groups),
+                    location=self._document.location_text(at),
+                    at=at,
+                )
+            )
+        return tuple(reactions)
 
     def _steps(self, items: Any, path: Location, groups: Groups) -> tuple[Node, ...]:
         if not isinstance(items, list) or path in self._refused:

@@ -20,7 +20,7 @@ from star_core.formats import (
     camera_faults,
     nodes,
 )
-from star_core.toolkit import Action, Choice, Node, Parallel, Repeat, actions, suggestion
+from star_core.toolkit import Action, Choice, Node, Parallel, Reaction, Repeat, actions, suggestion
 from star_yaml import conditions
 from star_yaml.checks import feasibility
 from star_yaml.checks.plugin_checks import PluginChecks
@@ -38,6 +38,7 @@ def of_mission(
     document: Document,
     data: Mapping[str, Any],
     steps: Sequence[Node],
+    reactions: Sequence[Reaction],
     scene: Scene,
     registry: Registry,
     *,
@@ -49,6 +50,7 @@ def of_mission(
         document: The mission as read.
         data: Its `sound_parts`.
         steps: Its steps.
+        reactions: What it has ``on`` conditions.
         scene: What it describes.
         registry: Registry of the plugins.
         world_known: Whether the scene's world is that of the mission; if not, the plugins' own
@@ -61,7 +63,8 @@ def of_mission(
         room = room.boundless()
         scene = room.scene
     plugins = PluginChecks(registry, scene, data["planner"], enabled=world_known)
-    distinct = list({step.path: step for step in actions(steps) if step.known}.values())
+    every = [*steps, *(step for reaction in reactions for step in reaction.steps)]
+    distinct = list({step.path: step for step in actions(every) if step.known}.values())
     yield from _groups(data, scene)
     yield from room.reserve()
     yield from _idle(data, steps, scene)
@@ -72,7 +75,9 @@ def of_mission(
     yield from _parts(data, plugins)
     for step in distinct:
         yield from _action(step, scene, plugins)
-    for node in nodes(steps):
+    for reaction in reactions:
+        yield from _condition(reaction.when, (*reaction.at, "when"), scene, plugins)
+    for node in nodes(every):
         if isinstance(node, Parallel):
             if not node.each:
                 yield from _shared(node, scene)
@@ -81,6 +86,9 @@ def of_mission(
             yield from _condition(node.when, (*node.at, "when"), scene, plugins)
     if (reserve := _reserve_rows(data, scene)) is not None:
         yield from airborne_problems(steps, scene, reserve, registry)
+        for reaction in reactions:
+            states: list[State] = [None] * len(scene.agents)
+            yield from _Walk(scene, states, registry).through(reaction.steps)
         yield from room.climbs(actions(steps), reserve)
 
 

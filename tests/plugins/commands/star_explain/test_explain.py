@@ -141,8 +141,8 @@ CHOICE = """\
 
 def test_both_outcomes_of_a_choice_are_reported_with_times(explain: Explain) -> None:
     lines = explain(CHOICE).splitlines()
-    titles = [line.split("  ", 2)[-1] for line in lines if " if " in line or "otherwise" in line]
-    assert [title.strip() for title in titles] == [
+    titles = [line for line in lines if " if " in line or "otherwise" in line]
+    assert [title.strip().partition("  ")[2] for title in titles] == [
         "if a battery is below 3 V: about 1.0 s, at most 14 s",
         "if so: about 3.0 s, at most 14 s",
         "otherwise: about 1.0 s, at most 8.0 s",
@@ -158,6 +158,27 @@ def test_a_choice_is_drawn_with_its_two_ways(explain: Explain) -> None:
     assert chart.count(" -- otherwise --> ") == 1
     data = json.loads(explain(CHOICE, "--json"))["plan"]["in_order"]
     assert (data[1]["when"], len(data[1]["either"])) == ("if a battery is below 3 V", 2)
+
+
+def test_reactions_are_reported_after_the_steps(explain: Explain) -> None:
+    more = "on: [{when: {battery_below: 3.0}, then: [hold: {agents: cf1, for: 3}]}]"
+    steps = "  - takeoff: {height: 0.6}\n"
+    lines = explain(steps, beside=more).splitlines()
+    assert "  2  on a battery is below 3 V: about 3.0 s, at most 14 s" in lines
+    assert any(line.startswith("    2.1  hold cf1") for line in lines)
+    assert lines[lines.index(next(line for line in lines if line.startswith("plan:")))].startswith(
+        "plan: about 2.9 s"
+    )
+    chart = explain(steps, "--mermaid", beside=more)
+    assert '["on a battery is below 3 V"]' in chart
+    assert '(["at any time"])' in chart
+
+
+def test_a_reaction_may_bring_in_a_reserve(explain: Explain) -> None:
+    more = "reserve: {agents: [cf2]}\non: [{when: {time: 4}, then: [join: {agents: cf2}]}]"
+    text = explain("  - takeoff: {height: 0.6}\n  - hold: {for: 10}\n", beside=more)
+    assert "    2.1  join cf2" in text.replace("3.1", "2.1")
+    assert "no agents" not in text
 
 
 def test_steps_of_each_agent_are_reported_once(explain: Explain) -> None:
