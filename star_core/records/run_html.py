@@ -21,14 +21,17 @@ COLOURS: Final = ("#2a78c2", "#d95f02", "#1b9e77", "#a6398f", "#b58900", "#c23b3
 def facts(summary: Mapping[str, Any]) -> dict[str, str]:
     """Return the figures of a flight, as text by label."""
     collisions = summary["collisions"]["agent_agent"] + summary["collisions"]["agent_obstacle"]
-    values = {"closest approach": "min_separation_m", "position error, RMS": "position_rmse_m"}
-    figures = {label: number_at(summary, key) for label, key in values.items()}
+    lengths = {key: number_at(summary, key) for key in summary if key.endswith("_m")}
     reason = f": {summary['reason']}" if summary["reason"] else ""
     return {
         "outcome": summary["outcome"] + reason,
         "flight": f"{summary['flight_time_s']:.1f} s, {len(summary['agents'])} agents",
         "collisions": str(collisions),
-        **{label: f"{value:.3f} m" for label, value in figures.items() if value is not None},
+        **{
+            key.removesuffix("_m").replace("_", " "): f"{value:.3f} m"
+            for key, value in lengths.items()
+            if value is not None
+        },
     }
 
 

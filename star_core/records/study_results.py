@@ -81,8 +81,8 @@ class StudyResults:
 def value_at(summary: Mapping[str, Any] | None, path: str) -> Any:
     """Return the value at `path`, keys joined by dots; None if there is none.
 
-    >>> value_at({"position_mse_m2": {"mean": 0.2}}, "position_mse_m2.mean")
-    0.2
+    >>> value_at({"targets": {"found": 2}}, "targets.found")
+    2
     """
     value: Any = summary
     for key in path.split("."):
@@ -93,7 +93,7 @@ def value_at(summary: Mapping[str, Any] | None, path: str) -> Any:
 def number_at(summary: Mapping[str, Any] | None, path: str) -> float | None:
     """Return the number at `path`, as `value_at` does; None if there is none.
 
-    >>> number_at({"path_length_m": {"total": 7}}, "path_length_m.total")
+    >>> number_at({"collisions": {"agent_agent": 7}}, "collisions.agent_agent")
     7.0
     """
     value = value_at(summary, path)
