@@ -69,6 +69,7 @@ SCRIPTS = {
     "tests.campaign.faults": Small(
         "--cells 'no fault' --seeds 1 --processes 1 --results {tmp}/faults.json", prints="|"
     ),
+    "figures": Small("", prints="floors of imports"),
     "flight_bits": Small("--missions first_flight", prints="first_flight"),
     "fleet": Small(sizes={"FLIGHT": 1.0, "FLEETS": ((2, 10),)}, campaign="real time"),
     "tests.campaign.guardian": Small(
