@@ -19,7 +19,9 @@ from star_yaml.input_file import read
 from star_yaml.schema import load, validator
 
 ROOT = Path(__file__).parents[4]
-MISSIONS = sorted((ROOT / "missions").glob("*.yaml"))
+MISSIONS = [  # that write their values out
+    path for path in sorted((ROOT / "missions").glob("*.yaml")) if "let" not in read(path).data
+]
 POINT = {"type": "array", "prefixItems": [{"type": "number"}, True], "items": {"maximum": 3}}
 SCHEMAS: tuple[Any, ...] = (
     True,
