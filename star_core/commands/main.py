@@ -1,7 +1,9 @@
 """The dispatcher of the command ``star``: all its subcommands are plugins."""
+# PYTHON_ARGCOMPLETE_OK
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Sequence
 from pathlib import PurePath
@@ -15,7 +17,7 @@ if TYPE_CHECKING:
 FAILED: Final = 1
 BAD_INPUT: Final = 2
 GROUPS: Final = ("Fly", "Review", "Author", "Study", "Hardware", "Plugins")
-USAGE = "usage: star [-h] [--version] COMMAND ..."
+USAGE = "usage: star [-h] [-V] COMMAND ..."
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -25,6 +27,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     ``star-NAME``, such as ``star-run``, runs the command NAME.
     """
     if arguments is None:
+        if "_ARGCOMPLETE" in os.environ:  # set by the shell's completion
+            from star_core.commands.completion import complete
+
+            complete()
         _open_streams()
         _, dash, command = PurePath(sys.argv[0]).name.partition("star-")
         return _without_threads(main([command] * bool(dash) + sys.argv[1:]))
@@ -46,9 +52,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _main(arguments: list[str]) -> int:
     match arguments:
-        case ["-h" | "--help", *_]:
+        case ["help", name, *_] if not name.startswith("-"):
+            return _command(name, ["--help"])
+        case ["-h" | "--help" | "help", *_]:
             print(f"{USAGE}\n\n{overview(_loaded())}")
-        case ["--version", *_]:
+        case ["-V" | "--version", *_]:
             from star_core import __version__
 
             print(f"star {__version__}")
@@ -71,7 +79,7 @@ def overview(registry: Registry) -> str:
             groups.setdefault(plugin.offer.group, []).append(line)
     lists = ["\n".join([group, *lines]) for group, lines in groups.items() if lines]
     head = "Missions for drone swarms, from one YAML file."
-    return "\n\n".join([head, *lists, "`star COMMAND --help` describes a command."])
+    return "\n\n".join([head, *lists, "`star help COMMAND` describes a command."])
 
 
 def _command(name: str, arguments: list[str]) -> int:
@@ -123,8 +131,6 @@ def _open_streams() -> None:
 
     Otherwise Python has None in their place, and the next file that is opened takes their number.
     """
-    import os
-
     for number, name in enumerate(("stdin", "stdout", "stderr")):
         try:
             os.fstat(number)
@@ -137,7 +143,6 @@ def _open_streams() -> None:
 
 def _without_threads(status: int) -> int:
     """Return an exit status, or exit at once if Python would wait for a plugin's threads."""
-    import os
     import threading
 
     try:
@@ -153,6 +158,4 @@ def _without_threads(status: int) -> int:
 
 def _discard(stream: TextIO) -> None:
     """Discard the rest of the output: its reader has exited."""
-    import os
-
     os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())

@@ -15,6 +15,7 @@ from star_basics.check_problems import problem_of
 from star_basics.files_to_check import files_to_check
 from star_basics.mission_arguments import add_values, assignments
 from star_core import InputError, Registry, StarError
+from star_core.commands import completes, mission_names
 from star_core.formats import STDIN, check_file
 from star_core.toolkit import Progress
 
@@ -24,13 +25,14 @@ WARNINGS: Final = 1  # exit status with --strict
 
 def configure(line: ArgumentParser) -> None:
     """Add the options of the command."""
-    line.add_argument(
+    files = line.add_argument(
         "files",
         nargs="+",
         metavar="FILE",
         help="file of any kind of `star schema`, a name of `star missions`, a folder with such"
         " files, or - for standard input",
     )
+    completes(files, mission_names)
     line.add_argument(
         "--format",
         choices=[*OUTPUTS],

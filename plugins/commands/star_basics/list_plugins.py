@@ -11,7 +11,7 @@ from typing import Any, Final, TypeAlias
 
 from star_basics.columns import columns
 from star_core import PluginError, Registry
-from star_core.commands import Found, Source
+from star_core.commands import Found, Source, completes, plugin_names
 from star_core.toolkit import Spec, suggestion
 
 NO_OPTIONS: Final = {"type": "object", "properties": {}}  # of commands, for example
@@ -22,9 +22,10 @@ Plugins: TypeAlias = list[tuple[str, Found]]
 
 def configure(line: ArgumentParser) -> None:
     """Add the options of the command."""
-    line.add_argument(
+    name = line.add_argument(
         "name", nargs="?", help="plugin, distribution or kind to describe; all if not given"
     )
+    completes(name, plugin_names)
     line.add_argument("--json", action="store_true", help="as JSON, with option schemas")
 
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from argparse import ArgumentParser, Namespace
 
-from star_core.commands import add_set_option
+from star_core.commands import add_set_option, completes, mission_names
 
 
 def add_mission(line: ArgumentParser) -> None:
     """Add the mission's file, ``--set``, ``--seed`` and ``--speed``."""
-    line.add_argument("mission", help="mission file (YAML), or a name of `star missions`")
+    mission = line.add_argument("mission", help="mission file (YAML), or a name of `star missions`")
+    completes(mission, mission_names)
     add_values(line)
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from star_core import Mission, Registry, load
-from star_core.commands import add_set_option
+from star_core.commands import add_set_option, completes, mission_names
 from star_core.toolkit import Progress, Rehearsal
 from star_explain.mermaid import mermaid
 from star_explain.origins import Origins
@@ -52,7 +52,7 @@ def configure(line: argparse.ArgumentParser) -> None:
         "Print a mission as a plan: the agents and options of every step, its duration "
         "without disturbances, its timeout, and the options left to their defaults."
     )
-    line.add_argument("mission", help="mission file (YAML)")
+    completes(line.add_argument("mission", help="mission file (YAML)"), mission_names)
     add_set_option(line)
     how = line.add_mutually_exclusive_group()
     how.add_argument("--mermaid", action="store_true", help="print a Mermaid flowchart, only")

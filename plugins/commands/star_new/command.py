@@ -59,9 +59,10 @@ def configure(line: argparse.ArgumentParser) -> None:
     """Add the options of the command."""
     line.description = (
         "Write files to begin with, into the current folder: a mission with its world "
-        "that flies, a world, or a plugin with a test and a mission that use it."
+        "that flies, a world, a study with its mission, or a plugin with a test and a mission "
+        "that use it."
     )
-    line.add_argument("what", choices=["mission", "world", "plugin"])
+    line.add_argument("what", choices=["mission", "world", "study", "plugin"])
     line.add_argument("name", help="lower-case letters, digits, '-' and '_'")
     line.add_argument("--kind", type=_kind, choices=KINDS, help="of a plugin")
 
@@ -76,7 +77,10 @@ def _files(what: str, name: str, kind: str | None) -> Iterator[tuple[str, str]]:
     if what == "world":
         yield f"{name}.yaml", _filled("world.yaml", name=name)
         return
-    if what == "mission" or kind is None:
+    if what == "study":
+        yield f"{name}.yaml", _filled("study.yaml", name=name)
+        name = f"{name}_mission"
+    if what in {"mission", "study"} or kind is None:
         yield f"{name}.yaml", _mission(name, LINE, STEP)
         yield f"{name}_world.yaml", _filled("world.yaml", name=f"{name}_world")
         return
@@ -124,4 +128,6 @@ def _next(what: str, name: str) -> str:
         return f"star check {name}.yaml"
     if what == "mission":
         return f"star run {name}.yaml"
+    if what == "study":
+        return f"star ablate {name}.yaml"
     return f"pip install -e 'star-{name}[test]' && pytest star-{name}"

@@ -41,15 +41,18 @@ class Gate:
     Args:
         host: That the page is served on.
         control: Returns the control with an identifier, or None.
+        token: Of an earlier page, whose browsers may connect again; a new one by default.
 
     Attributes:
-        token: That a connection has to present as its path; new for each page.
+        token: That a connection has to present as its path.
     """
 
-    def __init__(self, host: str, control: Callable[[str], Control | None]) -> None:
+    def __init__(
+        self, host: str, control: Callable[[str], Control | None], token: str | None = None
+    ) -> None:
         self._host = host
         self._control = control
-        self.token = token_urlsafe(16)
+        self.token = token or token_urlsafe(16)
         self._guards = False
 
     @contextmanager

@@ -25,13 +25,14 @@ class Page(viser.ViserServer):
     Args:
         port: To serve on, or the next free one.
         title: Of the page.
+        token: Of an earlier page, in whose place this one is served; a new one by default.
 
     Raises:
         PluginError: This version of viser cannot be guarded.
     """
 
-    def __init__(self, port: int, title: str) -> None:
-        self.gate = Gate(LOOPBACK, self._control)
+    def __init__(self, port: int, title: str, token: str | None = None) -> None:
+        self.gate = Gate(LOOPBACK, self._control, token)
         with redirect_stdout(StringIO()), self.gate.guarding():  # viser prints a box
             super().__init__(host=LOOPBACK, port=port, label=title, verbose=False)
 
@@ -50,9 +51,9 @@ class Page(viser.ViserServer):
         return self.gui._gui_input_handle_from_uuid.get(uuid)  # noqa: SLF001 -- viser has no other
 
 
-def open_page(world: World, port: int, title: str) -> Page:
+def open_page(world: World, port: int, title: str, token: str | None = None) -> Page:
     """Serve a page with a world on `port` or the next free one; it requests nothing else."""
-    server = Page(port, title)
+    server = Page(port, title, token)
     paint(server, dark=False)
     server.gui.main_panel.dock_right()
     server.gui.set_panel_label(title)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
 
@@ -31,6 +32,7 @@ class Replay:
         run: The flight.
         radius: That the avoider keeps free around each agent, m; None if unknown.
         port: To serve on, or the next free one.
+        token: Of the page, as of `Gate`.
 
     Attributes:
         server: Of the page.
@@ -39,24 +41,26 @@ class Replay:
         status: What the agents do.
     """
 
-    def __init__(self, run: Run, radius: float | None, *, port: int) -> None:
+    def __init__(
+        self, run: Run, radius: float | None, *, port: int, token: str | None = None
+    ) -> None:
         self._run = run
         self._time = run.arrays["time"]
         # saved images of each agent, by their times, ms
         self._frames = {name: run.images(name) for name in run.agents}
         self._shown: list[Path] = []
-        self.server = open_page(run.world, port, run.summary["mission"])
+        self.server = open_page(run.world, port, run.summary["mission"], token)
         self._begun = False
         self._add_paths(self.server.scene)
         self.swarm = SwarmScene(self.server, run.swarm, radius)
         self._add_controls(self.server.gui)
         self.show(0)
 
-    def serve(self) -> None:
-        """Play from the first browser on, until an exception such as KeyboardInterrupt ends it."""
+    def serve(self, ended: Callable[[], bool]) -> None:
+        """Play from the first browser on, until it is ended or an exception is raised."""
         self.server.on_client_connect(lambda _client: self._begin())
         last = time.monotonic()
-        while True:
+        while not ended():
             time.sleep(1 / RATE)
             now = time.monotonic()
             if self._playing:

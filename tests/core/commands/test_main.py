@@ -587,7 +587,20 @@ def test_unusable_plugin_options_end_the_run_before_the_flight(
     assert "takeoff" not in printed
 
 
-def test_the_version_is_that_of_the_distribution(said: Said) -> None:
-    assert main(["--version"]) == 0
+def test_help_describes_commands(said: Said) -> None:
+    assert main(["help"]) == 0
+    overview = said.readouterr().out
+    assert main(["--help"]) == 0
+    assert said.readouterr().out == overview
+    with pytest.raises(SystemExit, match="0"):
+        main(["help", "check"])
+    assert said.readouterr().out.startswith("usage: star check [-h]")
+    assert main(["help", "chek"]) == 2
+    assert "did you mean 'check'?" in said.readouterr().err
+
+
+@pytest.mark.parametrize("option", ["--version", "-V"])
+def test_the_version_is_that_of_the_distribution(said: Said, option: str) -> None:
+    assert main([option]) == 0
     assert said.readouterr().out == f"star {version('star-swarm')}\n"
     assert star_core.__version__ == version("star-swarm")

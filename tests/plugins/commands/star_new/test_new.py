@@ -28,6 +28,12 @@ def test_a_new_mission_is_checked_and_flies(capsys: pytest.CaptureFixture[str]) 
     assert main(["run", "patrol.yaml", "--no-record"]) == 0
 
 
+def test_a_new_study_is_checked_with_its_mission(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["new", "study", "radii"]) == 0
+    assert main(["check", "--strict", "."]) == 0
+    assert "radii.yaml: 'radii', a study of 15 runs\n" in capsys.readouterr().out
+
+
 def test_a_new_world_is_checked() -> None:
     assert main(["new", "world", "lab"]) == 0
     assert main(["check", "lab.yaml"]) == 0

@@ -12,6 +12,7 @@ import urllib.request
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -19,13 +20,14 @@ import pytest
 
 from star_core import Agent, Camera, Detections, Registry, load, read_run
 from star_core.commands.main import main
-from star_view.command import simulate
+from star_view.command import FileWatch, simulate
 from star_view.drone_mesh import ARM, frame_and_rear, front
 from star_view.footprints import MAX_DISTANCE, footprint
-from star_view.page import LOOPBACK, open_page
+from star_view.page import LOOPBACK, Page, open_page
 from star_view.plan_scene import PlannedStep, add_plan, planned_steps
 from star_view.replay import Replay
 from star_view.swarm_scene import DASH, Footprint
+from tests.conftest import ROOM
 from tests.plugins.commands.star_view.browser import Browser
 from tests.waiting import eventually
 
@@ -211,6 +213,54 @@ def test_a_camera_that_looks_down_sees_the_floor_below_it() -> None:
     assert len(footprint(camera, np.full(3, np.nan), level)) == 0
     ahead = footprint(Camera(pitch=0.0), np.array([0.0, 0.0, 1.0]), level)
     assert np.linalg.norm(ahead[:, :2], axis=1).max() < MAX_DISTANCE + 0.1
+
+
+def test_a_world_is_shown_anew_when_it_is_saved(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    world = tmp_path / "room.yaml"
+    pillar = "obstacles: {pillar: {box: {centre: [1, 0], size: [1, 1]}, height: [0, 2]}}\n"
+    texts = [ROOM, ROOM.replace("fence", "fense"), ROOM + pillar]
+    shown: list[Page] = []
+    titles: list[list[str]] = []
+
+    def open_world(*arguments: Any) -> Page:
+        shown.append(open_page(*arguments))
+        titles.append([obstacle.name for obstacle in arguments[0].obstacles])
+        return shown[-1]
+
+    class Saved(FileWatch):
+        """Saves the next text whenever it is asked whether a file was saved."""
+
+        def changed(self) -> bool:
+            if not texts:
+                raise KeyboardInterrupt
+            world.write_text(texts.pop(0))
+            return True
+
+    monkeypatch.setattr("star_view.page.open_page", open_world)
+    monkeypatch.setattr("star_view.command.FileWatch", Saved)
+    monkeypatch.setattr("signal.signal", lambda *_: None)
+    world.write_text(texts.pop(0))
+    assert main(["view", str(world), "--port", "18260"]) == 0
+    out, err = capsys.readouterr()
+    assert titles == [[], ["pillar"]]
+    assert shown[0].gate.token == shown[1].gate.token
+    assert out.startswith("http://127.0.0.1:")
+    assert "room.yaml:3:1: unknown key 'fense'; did you mean 'fence'?" in err
+
+
+def test_saved_files_are_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("star_view.command.PERIOD", 0.0)
+    file = tmp_path / "a.yaml"
+    file.touch()
+    watch = FileWatch([file])
+    assert not watch.changed()
+    os.utime(file, (1, 1))
+    assert watch.changed()
+    assert not watch.changed()
+    file.unlink()
+    assert not watch.changed()
 
 
 def test_ctrl_c_ends_it(hop: Path) -> None:
