@@ -2,8 +2,8 @@
 
 ``python benchmarks/durations.py [MISSION ...]`` rehearses and flies missions in their own world,
 each with its own seed, and prints a table: by default all missions that ship and their scenarios.
-Between lie the errors of a rehearsal: an empty battery, a relief, and obstacles that a path leads
-around. With ``--steps`` it prints each step.
+Between lie the errors of a rehearsal: reliefs, and obstacles that a path leads around. With
+``--steps`` it prints each step.
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ import numpy as np
 from recorded_flights import ESTIMATE_LATENCY, FOLDER, Flight, body_axes, read
 
 from star_core import Array
-from star_sim import airframe, battery, powertrain
+from star_sim import airframe, battery, discharge, powertrain
 from star_sim.airframe import CYCLE, GRAVITY, MASS
 
 USED = ("circle", "helix", "star")  # in the names of the flights that identify
@@ -45,7 +45,7 @@ def main() -> None:
     print("constant                        median   quartiles           simulator")
     show("THRUST_PER_SQUARED_VOLTAGE", thrust, powertrain.THRUST_PER_SQUARED_VOLTAGE)
     show("MOTOR_LAG", lag, powertrain.MOTOR_LAG)
-    show("RESISTANCE", [resistance(flight) for flight in flights], powertrain.RESISTANCE)
+    show("RESISTANCE", [resistance(flight) for flight in flights], discharge.CASCADE_RESISTANCE)
     show("DRAG", [drag(flight) for flight in flights], powertrain.DRAG)
     show("MOMENT", [moment(flight) for flight in flights], powertrain.MOMENT)
     print("of the recordings, for benchmarks/real_flights.py:")

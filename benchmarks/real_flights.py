@@ -30,12 +30,12 @@ from flight_models import Model, ours, predict, theirs
 from recorded_flights import ESTIMATE_LATENCY, FOLDER, Flight, read, rms
 
 from star_core import Agent, Array, Fence, Scene, World
-from star_sim import battery, ideal_world
+from star_sim import discharge, ideal_world
 from star_sim.airframe import CYCLE
 from star_sim.drone import DEMAND, OFF, POSITION
 from star_sim.transport import Simulator
 
-TENTHS = np.linspace(0.0, 1.0, len(battery.VOLTAGE_OF_CHARGE))
+TENTHS = np.linspace(0.0, 1.0, len(discharge.VOLTAGE_OF_CHARGE))
 
 
 REPLAYS = {"true": "", "late": "late_", "recorded": "estimated_"}
@@ -69,7 +69,7 @@ def replay(flight: Flight, controller: str, estimate: str) -> dict[str, Array]:
     drone["origin"], drone["origin_yaw"] = 0.0, 0.0
     drone["believed_position"], drone["believed_yaw"] = (*start[:2], 0.0), yaw
     drone["slip"] = 1.0, 0.0
-    rest = np.array(battery.VOLTAGE_OF_CHARGE)
+    rest = np.array(discharge.VOLTAGE_OF_CHARGE)
     drone["charge"] = np.interp(data["voltage"][: max(1, began - 30)].mean(), rest, TENTHS)
     drone["feed_forward"] = 0.0  # the recorded setpoints were positions
     drone["setpoint_time"] = np.inf

@@ -116,6 +116,9 @@ class TransportSpec(MissionSpec):
         measurement_errors: ``measurement_errors(**options)`` returns the standard deviation of
             these positions along each axis, m, and the longest time without one of an agent, s;
             None if they are not known. Localizers read it in `Scene.measurement_errors`.
+        hover_voltage: ``hover_voltage(flown, **options)`` returns the battery voltages, (N,) V, of
+            agents that hover after so much time in the air, (N,) s; None if they are not known.
+            Rehearsals read it.
     """
 
     make: Callable[..., Transport]
@@ -126,6 +129,7 @@ class TransportSpec(MissionSpec):
     detects_tags: Callable[..., bool] | None = None
     measures_positions: Callable[..., bool] | None = None
     measurement_errors: Callable[..., tuple[float, float] | None] | None = None
+    hover_voltage: Callable[..., Array] | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

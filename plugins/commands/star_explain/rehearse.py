@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import replace
+from functools import partial
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -41,6 +42,7 @@ BRAKING: Final = 0.5  # of the greatest acceleration, as `PositionController`
 SPEED_SHARE: Final = 0.87
 """Share of the velocity of a setpoint that a drone flies: drag and errors of the estimate leave
 those in the default world of `sim` between 0.8 and 1.1 times 0.5 m/s."""
+IN_FLIGHT: Final = (AgentPhase.TAKING_OFF, AgentPhase.FLYING, AgentPhase.LANDING)
 LANDED_DELAY: Final = 2.1  # s, after the end of a landing; the firmware reports flying for 2 s
 SETTLING_TIME: Final = 0.9  # s, after the end of a climb, at rest vertically; in the default world
 MAX_DURATION: Final = 1800.0  # s, after which further rounds of steps are left out
@@ -109,23 +111,27 @@ class _Handling(NamedTuple):
         gain: Speed by distance, 1/s.
         tracking: Share of the velocity of a setpoint that they fly.
         settling: What climbs and landings take beyond their durations, s.
+        voltage: Returns the voltages, V, of agents after times in the air, s; None if not known.
     """
 
     gain: float
     tracking: float
     settling: Mapping[Order, float]
+    voltage: Callable[[Array], Array] | None
 
 
 def _handling(mission: Mission, registry: Registry) -> _Handling:
     """Return how the drones of a mission fly."""
     gain = mission.plugins["planner"].options.get("gain", GAIN)
     transport = mission.plugins["transport"]
-    exact_control = registry.find("transport", transport.use).offer.exact_control
+    spec = registry.find("transport", transport.use).offer
+    exact_control, voltage = spec.exact_control, spec.hover_voltage
     exact = exact_control is not None and exact_control(**transport.options)
     return _Handling(
         float(gain) if isinstance(gain, int | float) else GAIN,
         1.0 if exact else SPEED_SHARE,
         {Order.TAKEOFF: 0.0 if exact else SETTLING_TIME, Order.LAND: LANDED_DELAY},
+        None if voltage is None else partial(voltage, **transport.options),
     )
 
 
@@ -138,7 +144,7 @@ def _run(mission: Mission, runner: MissionSteps, tasks: _Tasks, handling: _Handl
         acceleration=limits.acceleration,
         settling=handling.settling,
     )
-    lookout = Lookout(scene)
+    lookout, flown = Lookout(scene), np.zeros(len(scene.agents))
     passing = Passing(mission)
     tracks = _Tracks()
     tick, status = 0, Status.RUNNING
@@ -148,7 +154,13 @@ def _run(mission: Mission, runner: MissionSteps, tasks: _Tasks, handling: _Handl
             flies = swarm.phase == AgentPhase.FLYING
             sightings = lookout.look(swarm.time, swarm.position, swarm.yaw, flies)
             estimate = replace(swarm.estimate(), sightings=sightings)
-            status, instructions = runner.step(estimate, swarm.health())
+            health = swarm.health()
+            if handling.voltage is not None:
+                airborne = np.isin(swarm.phase, IN_FLIGHT)
+                flown += TICK * airborne
+                battery = np.where(airborne, handling.voltage(flown), health.battery)
+                health = replace(health, battery=battery)
+            status, instructions = runner.step(estimate, health)
         except PluginError as error:
             for task in tasks.made:
                 task.fail(str(error))

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from star_core import Problem, TransportSpec, hookimpl
+from star_core import Problem, TransportSpec, deferred, hookimpl
 from star_core.toolkit import fill_defaults, number, positive
 from star_sim import positioning_options
 from star_sim.camera_sim import options as camera_options
@@ -216,4 +216,5 @@ def star_transports() -> Iterable[TransportSpec]:
         detects_tags=detects_tags,
         measures_positions=measures_positions,
         measurement_errors=measurement_errors,
+        hover_voltage=deferred("star_sim.discharge:hover_voltage"),
     )

@@ -6,15 +6,10 @@ import math
 
 from star_sim.airframe import CYCLE, HOVER_THRUST, THRUST_MAX, THRUST_OF_VOLTAGE
 from star_sim.compiled import Record, compiled
+from star_sim.discharge import HOVER_CURRENT, VOLTAGE_OF_CHARGE
 
-CAPACITY = 0.25 * 3600  # A s: 250 mAh
-HOVER_TIME = 7 * 60  # s, the published flight time
 ELECTRONICS_CURRENT = 0.1  # A, assumed
-HOVER_CURRENT = CAPACITY / HOVER_TIME  # A: 2.1, electronics with it
 CURRENT_PER_POWER = (HOVER_CURRENT - ELECTRONICS_CURRENT) / (4 * HOVER_THRUST**1.5)  # A / N^1.5
-RESISTANCE = 0.12  # ohm, cell and leads; assumed: a sag of 0.25 V in hover
-# V at 0, 10, ... 100 % of charge without load: the table of the firmware's pm_stm32f4.c, and full.
-VOLTAGE_OF_CHARGE = (3.00, 3.78, 3.83, 3.87, 3.89, 3.92, 3.96, 4.00, 4.04, 4.10, 4.20)
 
 
 @compiled

@@ -11,7 +11,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from star_sim import airframe, battery
+from star_sim import airframe, discharge
 
 # What flies a drone: nothing, its commander, velocity setpoints, or a setpoint of `star_fleet`.
 OFF, TRAJECTORY, VELOCITY, DEMAND = 0, 1, 2, 3
@@ -126,7 +126,7 @@ def standing(position: NDArray[np.float64], yaw: NDArray[np.float64], charge: fl
         drones[name] = 1.0
     drones["motors_time"] = -np.inf
     drones["charge"] = charge
-    drones["capacity"] = battery.CAPACITY
-    drones["voltage"] = np.interp(charge, np.linspace(0, 1, 11), battery.VOLTAGE_OF_CHARGE)
+    drones["capacity"] = discharge.CAPACITY
+    drones["voltage"] = np.interp(charge, np.linspace(0, 1, 11), discharge.VOLTAGE_OF_CHARGE)
     drones["thrust_limit"] = airframe.THRUST_MAX if charge > 0 else 0.0
     return drones

@@ -9,15 +9,15 @@ import numpy as np
 from star_sim.aerodynamics import push, wash
 from star_sim.airframe import STEP, STEPS_PER_CYCLE
 from star_sim.batch import BATCH_SIZE, LANES
-from star_sim.battery import RESISTANCE, drain
+from star_sim.battery import drain
 from star_sim.body import fly
 from star_sim.cascade import regulate
 from star_sim.commander import follow
 from star_sim.compiled import Record, compiled, kernel
 from star_sim.contact import keep_out, separate, surface_below
+from star_sim.discharge import CASCADE_RESISTANCE, RESISTANCE
 from star_sim.estimator import believe, lean
 from star_sim.position import aim
-from star_sim.powertrain import RESISTANCE as CASCADE_RESISTANCE
 from star_sim.supervisor import bits, supervise
 
 BLOCK = 128  # cycles of random numbers, and of samples, that are kept at once

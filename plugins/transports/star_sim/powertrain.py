@@ -20,7 +20,6 @@ from star_sim.compiled import Record, compiled
 # battery's voltage.
 THRUST_PER_SQUARED_VOLTAGE = 0.00897  # N/V²
 MOTOR_LAG = 0.069  # s, of the thrust after the PWM
-RESISTANCE = 0.268  # ohm, cell and leads, for the currents of `star_sim.battery`
 DRAG = 0.0125  # N s/m, along the body's x and its y axis
 # Of the air on the propellers, which are above the centre of mass and flap: it raises the side that
 # moves ahead, and lets a drone tilt less than its controller wants.

@@ -30,10 +30,10 @@ from star_core.toolkit import Fault, frozen
 from star_sim import commander
 from star_sim.aerodynamics import COLUMNS, Wind
 from star_sim.airframe import STEP, STEPS_PER_CYCLE
-from star_sim.battery import HOVER_CURRENT, VOLTAGE_OF_CHARGE
 from star_sim.camera_sim.options import CameraOptions
 from star_sim.cascade import CONTROLLERS, Cascades, cascades
 from star_sim.contact import SWEEP, prisms
+from star_sim.discharge import HOVER_CURRENT, VOLTAGE_OF_CHARGE
 from star_sim.drone import OFF, standing
 from star_sim.drone_faults import DroneFaults
 from star_sim.error_profile import ErrorProfile

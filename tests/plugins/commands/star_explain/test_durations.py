@@ -12,7 +12,7 @@ TOLERANCE = 0.1  # of the duration of the flight
 
 
 @pytest.mark.parametrize(
-    "name", ["each_own_pace", "handover", "safety", "search_flow", "trajectory"]
+    "name", ["each_own_pace", "handover", "safety", "search_flow", "trajectory", "until_low"]
 )
 def test_a_rehearsal_takes_as_long_as_the_flight(name: str, missions: Path) -> None:
     registry = Registry()

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from star_core import Order, Run
-from star_sim import airframe, battery
+from star_sim import airframe, battery, discharge
 
 Flying = Callable[..., Any]
 
@@ -65,7 +65,7 @@ def test_voltage_falls_with_charge_and_sags_under_load(start: Flying) -> None:
     rest = flight.telemetry.battery[0]
     flight.rise()
     hover = flight.telemetry.battery[0]
-    assert rest - hover == pytest.approx(battery.RESISTANCE * battery.HOVER_CURRENT, rel=0.3)
+    assert rest - hover == pytest.approx(discharge.RESISTANCE * discharge.HOVER_CURRENT, rel=0.3)
     flight.fly(30.0)
     assert flight.telemetry.battery[0] < hover - 0.02
 
@@ -93,7 +93,7 @@ def test_the_most_a_motor_gives_falls_with_the_voltage() -> None:
 
 def test_the_voltage_without_load_runs_through_the_table() -> None:
     at = [battery.open_voltage(charge) for charge in np.linspace(0, 1, 11)]
-    assert at == pytest.approx(battery.VOLTAGE_OF_CHARGE)
+    assert at == pytest.approx(discharge.VOLTAGE_OF_CHARGE)
     assert battery.open_voltage(0.95) == pytest.approx(4.15)
 
 

@@ -13,7 +13,7 @@ from jsonschema import Draft202012Validator
 import star_sim
 from star_core import Setpoint
 from star_core.toolkit import Paced
-from star_sim.battery import HOVER_TIME
+from star_sim.discharge import HOVER_TIME
 
 Flying = Callable[..., Any]
 
