@@ -43,7 +43,6 @@ SETTINGS = {  # to shorten long flights, and to fly `external` beside other test
 }
 WARNINGS = {  # with tags detected on board, which a search may not see for some time
     "relief": {"drift-exceeds-clearance", "drift-exceeds-separation"},
-    "search": {"drift-exceeds-separation"},
 }
 
 
