@@ -75,7 +75,7 @@ def summary_of(
     last = float(time[-1]) if len(time) else 0.0
     contacts = [event for event in events if event["kind"] == "collision"]
     obstacles = sum(" and obstacle " in event["text"] for event in contacts)
-    found = [event for event in events if event["kind"] == "found"]
+    discoveries = [event for event in events if event["kind"] == "found"]
     targets = manifest.get("world", {}).get("targets", {})
     return {
         "outcome": OUTCOME,
@@ -88,7 +88,11 @@ def summary_of(
         "distances_from": "mixed",
         "min_separation_m": None,
         "min_clearance_m": None,
-        "targets": {"found": len(found), "total": max(len(targets), len(found)), "list": []},
+        "targets": {
+            "found": len(discoveries),
+            "total": max(len(targets), len(discoveries)),
+            "list": [],
+        },
         "steps": list(_steps(events)),
         "events": events,
         "late_ticks": 0,
@@ -107,6 +111,6 @@ def _steps(events: Sequence[Mapping[str, Any]]) -> Iterator[dict[str, Any]]:
         if same is not None:
             same["ended_s"] = event["time"]
             running.remove(same)
-        elif event["text"].endswith(" begins"):
+        elif " begins" in event["text"]:  # also "begins, until ..."
             running.append({**details, "begun_s": event["time"], "ended_s": None})
             yield running[-1]

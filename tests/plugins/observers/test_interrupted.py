@@ -32,7 +32,8 @@ class Killer:
 
 registry = Registry()
 registry.add(Killer(), Source("their-dist:killer"))
-fly(load("hop.yaml", registry), registry, folder="out")
+mission = load("hop.yaml", registry, ["mission.0.takeoff.until={{elapsed: 30}}"])
+fly(mission, registry, folder="out")
 """
 
 
