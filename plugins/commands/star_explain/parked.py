@@ -25,8 +25,9 @@ def parked_problems(
 
     The avoiders concerned are those that do not declare `AvoiderSpec.uncertain_positions`: that
     traffic flows in narrow places too. Of 20 random missions with `voronoi` and `potential` and
-    exact positions, 6 have such an agent; in two of these it waited forever, in no other mission.
-    With one that declares `AvoiderSpec.leads_around`, only goals that others can enclose concern.
+    exact positions, 6 have such an agent; in two of these it never arrived, in no other mission.
+    Of one that declares `AvoiderSpec.leads_around`, only agents whose goals others can enclose are
+    reported.
 
     Args:
         mission: The mission.

@@ -13,20 +13,33 @@ from star_explain.jam import jam_problems
 from star_explain.origins import Origins
 from star_explain.parked import parked_problems
 from star_explain.results import results, steps_of
-from star_explain.variants import variants
+from star_explain.variants import AllFly, variants
 
 
 def problems(
     mission: Mission, registry: Registry, *, drifts: bool, margins: bool
 ) -> Iterator[Problem]:
-    """Yield what rehearsals of all variants of a mission find, each once."""
-    by_variant = (
-        _of_variant(variant, registry, drifts=drifts, margins=margins)
-        for variant in variants(mission)
-    )
-    yield from dict.fromkeys(
-        problem for problems_of_one in by_variant for problem in problems_of_one
-    )
+    """Yield what rehearsals of all variants of a mission find, in the first variant that has it.
+
+    A reaction that comes early can spoil steps of the mission that work if it comes when planned:
+    of these, its variant yields warnings.
+    """
+    reported: set[tuple[tuple[str | int, ...], str]] = set()
+    for variant in variants(mission):
+        early = next((r for r in variant.reactions if isinstance(r.when, AllFly)), None)
+        problems = [
+            problem
+            for problem in _of_variant(variant, registry, drifts=drifts, margins=margins)
+            if (problem.path, problem.code) not in reported
+        ]
+        reported |= {(problem.path, problem.code) for problem in problems}
+        for problem in problems:
+            if early is None or problem.path[: len(early.at)] == early.at:
+                yield problem
+            else:
+                where, _ = early.location.rsplit(":", 1)
+                message = f"if the reaction at {where} comes early: {problem.message}"
+                yield problem._replace(message=message, warning=True)
 
 
 def _of_variant(

@@ -44,8 +44,8 @@ def test_a_hovering_agent_in_the_way_is_warned_of(
 ) -> None:
     (tmp_path / "hall.yaml").write_text(WORLD)
     (tmp_path / "passing.yaml").write_text(MISSION)
-    found = check_file(tmp_path / "passing.yaml", Registry(), [change])[1]
-    assert ["[agent-in-the-way]" in text for text in found] == [True] * is_warned
+    warnings = check_file(tmp_path / "passing.yaml", Registry(), [change])[1]
+    assert ["[agent-in-the-way]" in text for text in warnings] == [True] * is_warned
 
 
 def test_voronoi_is_warned_of_goals_between_hovering_agents(tmp_path: Path) -> None:
@@ -53,5 +53,5 @@ def test_voronoi_is_warned_of_goals_between_hovering_agents(tmp_path: Path) -> N
     (tmp_path / "hall.yaml").write_text(WORLD)
     (tmp_path / "passing.yaml").write_text(MISSION)
     changes = ["avoider=voronoi", *beside]
-    found = check_file(tmp_path / "passing.yaml", Registry(), changes)[1]
-    assert ["[agent-in-the-way]" in text for text in found] == [True]
+    warnings = check_file(tmp_path / "passing.yaml", Registry(), changes)[1]
+    assert ["[agent-in-the-way]" in text for text in warnings] == [True]
