@@ -116,7 +116,7 @@ class ControlLoop:
             PendingStrikes(pipeline.strikes),
         )
         self._monitors = {
-            stage: [each for each in monitors if each.after is stage] for stage in Stage
+            stage: [monitor for monitor in monitors if monitor.after is stage] for stage in Stage
         }
         tasks = TaskPool(mission, registry, pipeline.compute_time)
         self._executor = StepExecutor(

@@ -89,8 +89,8 @@ def checked_estimate(answer: object, n: int) -> Estimate:
         _require_agents("Estimate.corrections.agent", corrections.agent, n)
         everywhere, text = np.ones(len(corrections.agent), np.bool_), "Estimate.corrections.{}"
         _require_finite(corrections, text, CORRECTED, everywhere)
-        known = ~np.isposinf(corrections.attitude_deviation)
-        _require_finite(corrections, text, ("attitude_deviation",), known)
+        measured = ~np.isposinf(corrections.attitude_deviation)
+        _require_finite(corrections, text, ("attitude_deviation",), measured)
     return estimate
 
 

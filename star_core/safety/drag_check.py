@@ -37,9 +37,7 @@ NOISE: Final = 0.0005
 NOISE_OF_SPEED: Final = 2.0  # s²/m², increase of that density with the square of the speed
 
 LEARNING_TIME: Final = 1.0  # s in the air before evidence counts
-MISSING_BIAS_TIME: Final = (
-    10.0  # s, in which the constant error is learnt that `missing` is without
-)
+MISSING_BIAS_TIME: Final = 10.0  # s, in which `missing` learns the constant error
 
 MIN_EVIDENCE: Final = 7.5
 """Logarithm of the likelihood ratio from which on a flow sensor is taken for wrong."""

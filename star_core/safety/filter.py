@@ -233,11 +233,11 @@ def correct(  # noqa: C901, PLR0913, PLR0917 -- numba takes plain arguments apar
 
 
 @subroutine
-def differ(one: Array, other: Array, row: int) -> bool:
+def differ(first: Array, second: Array, row: int) -> bool:
     """Return whether two velocities of an agent differ by more than `MIN_CORRECTION`."""
     most = 0.0
     for axis in range(3):
-        most = max(most, abs(one[row, axis] - other[row, axis]))
+        most = max(most, abs(first[row, axis] - second[row, axis]))
     return most > MIN_CORRECTION
 
 

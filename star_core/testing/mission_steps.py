@@ -63,7 +63,9 @@ class MissionSteps:
         self._observers.begin_tick(estimate.time)
         self._targets.add(estimate.sightings, estimate.time)
         health = replace(health, finder=self._targets.finder)
-        excluded = [each.row for each in self._rules.violators(estimate.time, estimate, health)]
+        excluded = [
+            violator.row for violator in self._rules.violators(estimate.time, estimate, health)
+        ]
         self._assignments.vacate(excluded)
         tick = TickContext(estimate.time, estimate, health, {}, {}, {}, self._goals)
         status, instructions = self._executor.step(tick)

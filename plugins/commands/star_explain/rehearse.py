@@ -63,8 +63,8 @@ def rehearse(mission: Mission, registry: Registry) -> Rehearsal:
     actions: dict[int, Action] = {}
     steps = tuple(_without_timeouts(step, actions) for step in mission.steps)
     reactions = tuple(
-        replace(each, steps=tuple(_without_timeouts(step, actions) for step in each.steps))
-        for each in mission.reactions
+        replace(reaction, steps=tuple(_without_timeouts(step, actions) for step in reaction.steps))
+        for reaction in mission.reactions
     )
     tasks = _Tasks(registry, actions)
     rehearsed = replace(mission, scene=scene, steps=steps, reactions=reactions)

@@ -39,7 +39,7 @@ def load(path: Path, registry: Registry, assignments: Sequence[str]) -> Mission:
     """
     imports = [*_imports(path, registry, assignments)]
     if len(imports) > 1:
-        missions = ", ".join(str(each.path) for each in imports)
+        missions = ", ".join(str(source.path) for source in imports)
         raise InputError(f"{path}: has several missions; name one: {missions}", "wrong-file")
     (source,) = imports
     if source.files.mission is None:
@@ -72,13 +72,13 @@ def check(path: Path, registry: Registry, assignments: Sequence[str]) -> tuple[s
                     load_mission(staged, registry)
                     texts.append(f"{path}: an environment that missions can be flown in")
                     continue
-                text, found = check_file(staged, registry, source.assignments)
+                text, of_mission = check_file(staged, registry, source.assignments)
         except InputError as error:
             problems += error.problems
             continue
         where = partial(source.files.relocated, staged=staged.parent, folder=path)
         texts.append(text.replace(str(staged), str(source.path)))
-        warnings += [*source.warnings, *map(where, found)]
+        warnings += [*source.warnings, *map(where, of_mission)]
     if problems:
         raise InputError(list(dict.fromkeys(problems)))
     return "\n".join(texts), list(dict.fromkeys(warnings))
@@ -251,7 +251,7 @@ def _with_origin(step: Node, origin: Relocate) -> Node:
     """Return a step with the locations that it and those in it were imported from."""
     match step:
         case Parallel(branches):
-            return replace(step, branches=tuple(_with_origin(each, origin) for each in branches))
+            return replace(step, branches=tuple(_with_origin(inner, origin) for inner in branches))
         case Repeat(_, steps):
-            return replace(step, steps=tuple(_with_origin(each, origin) for each in steps))
+            return replace(step, steps=tuple(_with_origin(inner, origin) for inner in steps))
     return replace(step, location=origin(step.location))

@@ -100,10 +100,10 @@ def sorts_of(path: Path) -> set[str]:
 def files_in(folder: Path) -> Iterator[Path]:
     """Yield the files in a folder and in those below it, up to a depth, hidden ones left out."""
     count = 0
-    for name, folders, files in os.walk(folder):
-        above = Path(name)
+    for parent, folders, files in os.walk(folder):
+        above = Path(parent)
         deep = len(above.relative_to(folder).parts) >= DEEPEST
-        folders[:] = [] if deep else sorted(each for each in folders if not each.startswith("."))
+        folders[:] = [] if deep else sorted(name for name in folders if not name.startswith("."))
         for file in sorted(files):
             if (count := count + 1) > MOST:
                 return
