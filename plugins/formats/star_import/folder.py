@@ -37,15 +37,16 @@ def load(path: Path, registry: Registry, assignments: Sequence[str]) -> Mission:
     Raises:
         InputError: It cannot be flown, or the folder has several missions.
     """
-    imports = [*_imports(path, registry, assignments)]
+    changes = _Changes.of(assignments)
+    imports = [*_imports(path, changes.environment, registry)]
     if len(imports) > 1:
-        missions = ", ".join(str(source.path) for source in imports)
+        missions = ", ".join(str(files[0]) for _, files in imports)
         raise InputError(f"{path}: has several missions; name one: {missions}", "wrong-file")
-    (source,) = imports
+    source = _imported(*imports[0], changes, registry)
     if source.files.mission is None:
         raise InputError(f"{path}: is an environment, expected a mission or robots", "wrong-file")
     with source.files.staged(path) as staged:
-        mission = load_mission(staged, registry, source.assignments)
+        mission = load_mission(staged, registry, changes.of_mission)
     where = partial(source.files.relocated, staged=staged.parent, folder=path)
     origin = partial(source.files.origin, staged=staged.parent)
     return replace(
@@ -65,14 +66,16 @@ def check(path: Path, registry: Registry, assignments: Sequence[str]) -> tuple[s
         InputError: One cannot be flown.
     """
     texts, warnings, problems = list[str](), list[str](), list[str]()
-    for source in _imports(path, registry, assignments):
+    changes = _Changes.of(assignments)
+    for root, paths in _imports(path, changes.environment, registry):
         try:
+            source = _imported(root, paths, changes, registry)
             with source.files.staged(path) as staged:
                 if source.files.mission is None:
                     load_mission(staged, registry)
                     texts.append(f"{path}: an environment that missions can be flown in")
                     continue
-                text, of_mission = check_file(staged, registry, source.assignments)
+                text, of_mission = check_file(staged, registry, changes.of_mission)
         except InputError as error:
             problems += error.problems
             continue
@@ -129,7 +132,6 @@ class _Import:
         root: Folder in which the mission's files are.
         files: What the import writes.
         warnings: Of the import.
-        assignments: Values to be set in the imported mission.
     """
 
     path: Path
@@ -137,50 +139,70 @@ class _Import:
     root: Path
     files: OutputFiles
     warnings: Sequence[str]
-    assignments: Sequence[str]
 
 
-def _imports(path: Path, registry: Registry, assignments: Sequence[str]) -> Iterator[_Import]:
-    """Yield the imports of all missions of a file or a folder, or that of its robots."""
-    named, agents, others = "", list[str](), list[str]()
-    for assignment in assignments:
-        if assignment.startswith(f"{ENVIRONMENT}="):
-            named = assignment.partition("=")[2].strip()
-        elif match := START.fullmatch(assignment):
-            agents.append(f"{match[1]}={match[2].replace(' ', '')}")
-        else:
-            others.append(assignment)
-    for root, sources in _sources(path, named, registry):
-        log = ImportLog(NEW_AGENT)
-        options = ImportOptions(agents=agents, direct=True)
-        files = assemble(sources, options, log)
-        if sources.config and not sources.environment:
-            log.warning(
-                str(sources.config[0]), f"its environment is not in {root}; it flies in none"
-            )
-        main = sources.paths[0]
-        command = f"star import {' '.join(map(str, sources.paths))}"
-        count = f"{main}: {len(log.assumptions)} values were assumed; `{command}` lists them"
-        yield _Import(
-            path=main,
-            world=sources.environment[0] if sources.environment else main,
-            root=root,
-            files=files.located(str(main)),
-            warnings=[*dict.fromkeys(log.warnings), count],
-            assignments=others,
-        )
+@dataclass(frozen=True, slots=True)
+class _Changes:
+    """Values of ``--set``.
+
+    Attributes:
+        environment: Name of the environment; empty for that of the original's configuration.
+        agents: ``NAME=X,Y`` each, which the files may lack.
+        of_mission: Those to be set in the imported mission.
+    """
+
+    environment: str
+    agents: Sequence[str]
+    of_mission: Sequence[str]
+
+    @classmethod
+    def of(cls, assignments: Sequence[str]) -> _Changes:
+        environment, agents, others = "", list[str](), list[str]()
+        for assignment in assignments:
+            if assignment.startswith(f"{ENVIRONMENT}="):
+                environment = assignment.partition("=")[2].strip()
+            elif match := START.fullmatch(assignment):
+                agents.append(f"{match[1]}={match[2].replace(' ', '')}")
+            else:
+                others.append(assignment)
+        return cls(environment, agents, others)
 
 
-def _sources(path: Path, named: str, registry: Registry) -> Iterator[tuple[Path, Sources]]:
-    """Yield the sources of each mission and the folder that has them.
+def _imported(root: Path, paths: Sequence[Path], changes: _Changes, registry: Registry) -> _Import:
+    """Return the import of some files in a folder.
+
+    Raises:
+        InputError: They cannot be imported; lists every reason.
+    """
+    sources = sorted_out(paths, registry)
+    log = ImportLog(NEW_AGENT)
+    files = assemble(sources, ImportOptions(agents=changes.agents, direct=True), log)
+    if sources.config and not sources.environment:
+        log.warning(str(sources.config[0]), f"its environment is not in {root}; it flies in none")
+    main = sources.paths[0]
+    command = f"star import {' '.join(map(str, sources.paths))}"
+    count = f"{main}: {len(log.assumptions)} values were assumed; `{command}` lists them"
+    return _Import(
+        path=main,
+        world=sources.environment[0] if sources.environment else main,
+        root=root,
+        files=files.located(str(main)),
+        warnings=[*dict.fromkeys(log.warnings), count],
+    )
+
+
+def _imports(
+    path: Path, environment: str, registry: Registry
+) -> Iterator[tuple[Path, Sequence[Path]]]:
+    """Yield the files of each mission, itself first, and the folder that has them.
 
     Args:
         path: A file or a folder.
-        named: Name of the environment; empty for that of the original's configuration.
+        environment: Name of the environment; empty for that of the original's configuration.
         registry: Registry of the formats.
     """
     if path.is_file() and "mission" not in sorts_of(path):
-        yield path.parent, sorted_out([path], registry)
+        yield path.parent, [path]
         return
     root = path if path.is_dir() else _root(path)
     files = {file: sorts_of(file) for file in files_in(root)}
@@ -188,13 +210,12 @@ def _sources(path: Path, named: str, registry: Registry) -> Iterator[tuple[Path,
     around = [*_only("robots", files, root), *_only("config", files, root)]
     around += _only("tags", files, root)
     environments = [file for file in files if "environment" in files[file]]
-    around += _environment(root, environments, named, sorted_out(around, registry))
+    around += _environment(root, environments, environment, sorted_out(around, registry))
     if missions:
         for mission in missions:
-            yield root, sorted_out([*dict.fromkeys([mission, *around])], registry)
+            yield root, list(dict.fromkeys([mission, *around]))
         return
-    flown = [file for file in files if file.parent == root and _is_trajectory(file)]
-    yield root, sorted_out([*around, *flown], registry)
+    yield root, [*around, *(file for file in files if file.parent == root and _is_trajectory(file))]
 
 
 def _root(mission: Path) -> Path:

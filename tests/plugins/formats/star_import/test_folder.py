@@ -136,6 +136,16 @@ def test_check_names_each_mission_run_needs_one(folder: Path) -> None:
     ]
 
 
+def test_check_reports_the_mistakes_of_every_mission(folder: Path) -> None:
+    for name in "down", "up":
+        Path(f"mission/{name}.yaml").write_text(MISSION.replace('"cf2"', '"cf9"'))
+    with pytest.raises(InputError) as error:
+        checked(folder)
+    assert [problem.partition(": ")[0] for problem in error.value.problems] == [
+        f"{folder}/mission/{name}.yaml:4:19" for name in ("down", "up")
+    ]
+
+
 @pytest.mark.usefixtures("folder")
 def test_the_environment_is_that_of_the_configuration() -> None:
     choice = "--set environment_file=NAME chooses one of hall.yaml, lab.yaml"
