@@ -73,8 +73,8 @@ def summary_of(
         events: So far.
     """
     last = float(time[-1]) if len(time) else 0.0
-    contacts = [event for event in events if event["kind"] == "collision"]
-    obstacles = sum(" and obstacle " in event["text"] for event in contacts)
+    contacts = [event.get("details", {}) for event in events if event["kind"] == "collision"]
+    obstacles = sum("obstacle" in contact for contact in contacts)
     discoveries = [event for event in events if event["kind"] == "found"]
     targets = manifest.get("world", {}).get("targets", {})
     return {
