@@ -134,8 +134,8 @@ def _headline(problem: FileProblem, paint: Callable[[str, str], str]) -> str:
     location, message = "", text
     if problem.line is not None:
         mark = f":{problem.line}:{problem.column}:"
-        before, found, message = text.partition(mark)
-        location = paint(f"{before}{found}", BOLD)
+        file, position, message = text.partition(mark)
+        location = paint(f"{file}{position}", BOLD)
     colour = YELLOW if problem.warning else RED
     code = f"[{problem.code}]"
     if problem.code and message.endswith(code):

@@ -22,10 +22,12 @@ def files_to_check(names: Sequence[str], registry: Registry, *, skip_others: boo
         skip_others: Leave out named files that no format recognizes, too.
 
     Raises:
-        InputError: A folder has no files that a format recognizes.
+        InputError: A name is empty, or a folder has no files that a format recognizes.
     """
     files: list[Path] = []
     for name in names:
+        if not name:  # as of a variable of the shell that is not set; `Path` takes it for a folder
+            raise InputError("the name of a file is empty", "invalid-argument")
         path = Path(name)
         if path.is_dir() and not (path / "manifest.json").exists():  # of a record
             inside = list(_inside(path, registry))

@@ -101,6 +101,12 @@ def test_a_folder_without_files_of_star_is_refused(capsys: Printed) -> None:
     assert main(["check", "site", "site/mkdocs.yml", "--skip-others"]) == 0
 
 
+def test_an_empty_name_is_not_the_current_folder(capsys: Printed) -> None:
+    Path("good.yaml").write_text(HOP)
+    assert main(["check", ""]) == 2
+    assert capsys.readouterr().err.strip().endswith("[invalid-argument]")
+
+
 def test_kinds_and_formats_of_plugins_are_checked_in_folders(capsys: Printed) -> None:
     Path("hands").mkdir()
     Path("hands/one.yaml").write_text("star: 1\nfingers: 9\n")
