@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal, TypeAlias
 
@@ -163,6 +163,23 @@ def nodes(steps: Sequence[Node], *, first: bool = False) -> Iterator[Node]:
                     yield from nodes(branch[:1] if first else branch, first=first)
 
 
+def changed(steps: Sequence[Node], change: Callable[[Node], Node]) -> tuple[Node, ...]:
+    """Return steps in which `change` has replaced each, those inside of others first."""
+    return tuple(change(_with_changed_inner(step, change)) for step in steps)
+
+
+def _with_changed_inner(step: Node, change: Callable[[Node], Node]) -> Node:
+    match step:
+        case Parallel(branches):
+            return replace(step, branches=changed(branches, change))
+        case Repeat(_, steps):
+            return replace(step, steps=changed(steps, change))
+        case Choice(_, _, steps, otherwise):
+            steps, otherwise = changed(steps, change), changed(otherwise, change)
+            return replace(step, steps=steps, otherwise=otherwise)
+    return step
+
+
 def actions(steps: Sequence[Node], *, first: bool = False) -> Iterator[Action]:
     """Yield every action of some steps, as `nodes` does."""
     return (node for node in nodes(steps, first=first) if isinstance(node, Action))
@@ -228,6 +245,11 @@ class Mission:
     def all_steps(self) -> tuple[Node, ...]:
         """Its steps, and those of its reactions."""
         return (*self.steps, *(step for reaction in self.reactions for step in reaction.steps))
+
+    def with_steps(self, change: Callable[[Node], Node]) -> Mission:
+        """Return the same mission with every step, those of reactions too, replaced by `change`."""
+        reactions = tuple(replace(r, steps=changed(r.steps, change)) for r in self.reactions)
+        return replace(self, steps=changed(self.steps, change), reactions=reactions)
 
     def with_seed(self, seed: int) -> Mission:
         """Return the same mission with another seed."""

@@ -139,7 +139,7 @@ class _Run:
     def _fly(self) -> str:
         """Fly the steps and land all agents; return why the mission did not complete, if so."""
         if self._operator.stops:  # while observers, such as a view, waited
-            self.observers.event("interrupt", "the operator ends the flight before its begin")
+            self.observers.event("interrupt", "the operator ends the flight before it begins")
             self.loop.change_phase("abort")
             return "not started: interrupted by the operator"
         try:

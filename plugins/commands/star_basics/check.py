@@ -93,7 +93,7 @@ def _checked(path: Path, registry: Registry, values: list[str]) -> CheckedFile:
 
 @contextmanager
 def _stdin_of(content: bytes) -> Iterator[None]:
-    """Let standard input be read again from its begin."""
+    """Let standard input be read again from its beginning."""
     before, sys.stdin = sys.stdin, io.TextIOWrapper(io.BytesIO(content))
     try:
         yield

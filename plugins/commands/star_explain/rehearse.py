@@ -25,11 +25,8 @@ from star_core import (
 from star_core.testing import MissionSteps, PointMasses, straight_velocity
 from star_core.toolkit import (
     Action,
-    Choice,
     Node,
-    Parallel,
     Rehearsal,
-    Repeat,
     min_landing_time,
 )
 from star_explain.passing import Passing
@@ -61,13 +58,16 @@ def rehearse(mission: Mission, registry: Registry) -> Rehearsal:
     # With `realtime` set, no plugin may wait for anything.
     scene = replace(mission.scene, realtime=True, period=TICK)
     actions: dict[int, Action] = {}
-    steps = tuple(_without_timeouts(step, actions) for step in mission.steps)
-    reactions = tuple(
-        replace(reaction, steps=tuple(_without_timeouts(step, actions) for step in reaction.steps))
-        for reaction in mission.reactions
-    )
+
+    def without_timeout(node: Node) -> Node:
+        if not isinstance(node, Action):
+            return node
+        copy = replace(node, timeout=None)
+        actions[id(copy)] = node
+        return copy
+
     tasks = _Tasks(registry, actions)
-    rehearsed = replace(mission, scene=scene, steps=steps, reactions=reactions)
+    rehearsed = replace(mission.with_steps(without_timeout), scene=scene)
     runner = MissionSteps(rehearsed, registry, tasks.make)
     try:
         return _run(mission, runner, tasks, _handling(mission, registry))
@@ -231,24 +231,3 @@ class _Tracks:
         begun = sorted((task for task in tasks if task.begun >= 0.0), key=lambda task: task.begun)
         time, *tables = (np.array(values) for values in zip(*self._moments, strict=True))
         return Rehearsal(tuple(task.result() for task in begun), time, *tables)
-
-
-def _without_timeouts(node: Node, actions: dict[int, Action]) -> Node:
-    """Return a copy of a step without timeouts; add its actions to `actions`, by `id` of theirs."""
-    match node:
-        case Action():
-            copy = replace(node, timeout=None)
-            actions[id(copy)] = node
-            return copy
-        case Parallel(branches):
-            return replace(
-                node, branches=tuple(_without_timeouts(branch, actions) for branch in branches)
-            )
-        case Repeat(_, steps):
-            return replace(node, steps=tuple(_without_timeouts(step, actions) for step in steps))
-        case Choice(_, _, steps, otherwise):
-            return replace(
-                node,
-                steps=tuple(_without_timeouts(step, actions) for step in steps),
-                otherwise=tuple(_without_timeouts(step, actions) for step in otherwise),
-            )

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from typing import Final
 
 from star_core import AgentPhase, Mission
 from star_core.formats import AllOf, Condition, ConditionContext, Not, nodes
-from star_core.toolkit import Choice, Node, Parallel, Repeat
+from star_core.toolkit import Choice, Node
 
 ALWAYS: Final = AllOf(())
 NEVER: Final = Not(ALWAYS)
@@ -17,17 +18,12 @@ NEVER: Final = Not(ALWAYS)
 def variants(mission: Mission) -> Iterator[Mission]:
     """Yield a mission; if it chooses steps, one with each outcome of all choices; its reactions.
 
-    Each of those comes once all agents fly. The variants consist of the same actions.
+    A variant for each reaction has it come once all agents fly. All consist of the same actions.
     """
     yield mission
     if any(isinstance(node, Choice) for node in nodes(mission.all_steps)):
         for outcome in (ALWAYS, NEVER):
-            reactions = tuple(
-                replace(reaction, steps=_decided(reaction.steps, outcome))
-                for reaction in mission.reactions
-            )
-            steps = _decided(mission.steps, outcome)
-            yield replace(mission, steps=steps, reactions=reactions)
+            yield mission.with_steps(partial(_decided, outcome=outcome))
     for i, reaction in enumerate(mission.reactions):
         others = mission.reactions[:i], mission.reactions[i + 1 :]
         comes = replace(reaction, when=AllFly())
@@ -46,18 +42,6 @@ class AllFly(Condition):
         return "all agents fly"
 
 
-def _decided(steps: Sequence[Node], outcome: Condition) -> tuple[Node, ...]:
-    """Return steps in which every choice has the same outcome."""
-    return tuple(_with_outcome(step, outcome) for step in steps)
-
-
-def _with_outcome(node: Node, outcome: Condition) -> Node:
-    match node:
-        case Parallel(branches):
-            return replace(node, branches=_decided(branches, outcome))
-        case Repeat(_, steps):
-            return replace(node, steps=_decided(steps, outcome))
-        case Choice(_, _, steps, otherwise):
-            steps, otherwise = _decided(steps, outcome), _decided(otherwise, outcome)
-            return replace(node, when=outcome, steps=steps, otherwise=otherwise)
-    return node
+def _decided(node: Node, outcome: Condition) -> Node:
+    """Return a step which, if it is a choice, has this outcome."""
+    return replace(node, when=outcome) if isinstance(node, Choice) else node

@@ -17,7 +17,7 @@ from typing import Any, Final, TypeAlias
 from star_core import InputError, Mission, Problem, Registry
 from star_core import load as load_mission
 from star_core.formats import SourceFile, check_file
-from star_core.toolkit import Node, Parallel, Repeat
+from star_core.toolkit import Action, Node
 from star_import.assembly import ImportOptions, assemble
 from star_import.import_log import ImportLog
 from star_import.output_files import OutputFiles
@@ -50,9 +50,8 @@ def load(path: Path, registry: Registry, assignments: Sequence[str]) -> Mission:
     where = partial(source.files.relocated, staged=staged.parent, folder=path)
     origin = partial(source.files.origin, staged=staged.parent)
     return replace(
-        mission,
+        mission.with_steps(partial(_with_origin, origin=origin)),
         scene=replace(mission.scene, folder=source.root, files={}),
-        steps=tuple(_with_origin(step, origin) for step in mission.steps),
         file=ImportedFile(source.path, mission.file, where),
         world_file=ImportedFile(source.world, mission.world_file, where),
         warnings=(*source.warnings, *map(where, mission.warnings)),
@@ -269,10 +268,5 @@ def _is_trajectory(file: Path) -> bool:
 
 
 def _with_origin(step: Node, origin: Relocate) -> Node:
-    """Return a step with the locations that it and those in it were imported from."""
-    match step:
-        case Parallel(branches):
-            return replace(step, branches=tuple(_with_origin(inner, origin) for inner in branches))
-        case Repeat(_, steps):
-            return replace(step, steps=tuple(_with_origin(inner, origin) for inner in steps))
-    return replace(step, location=origin(step.location))
+    """Return a step that, if it is an action, has the location that it was imported from."""
+    return replace(step, location=origin(step.location)) if isinstance(step, Action) else step
