@@ -13,11 +13,15 @@ from typing import Any, Final, NamedTuple, TypeVar, cast
 
 import numpy as np
 from numba import njit, types
+from numba._dynfunc import make_function
 from numba.core.caching import FunctionCache
-from numba.core.compiler import CompilerBase, DefaultPassBuilder
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import CompilerBase, DefaultPassBuilder, Flags
 from numba.core.compiler_machinery import register_pass
 from numba.core.dispatcher import Dispatcher
+from numba.core.environment import lookup_environment
 from numba.core.event import Listener, register
+from numba.core.typed_passes import NativeLowering
 from numba.core.untyped_passes import DeadBranchPrune
 from numba.extending import typeof_impl
 
@@ -106,19 +110,71 @@ def _known_type(argument: Any) -> Any:
     return _KnownType(argument) if isinstance(argument, types.Array | types.Record) else argument
 
 
+class _ComparableFlags(Flags):
+    """Options of a compilation, equal where the same ones are set to the same values.
+
+    Numba looks up each call of a built-in function in tables whose keys contain the flags, and
+    compares them option by option, unset ones included: a tenth of the time of a first flight.
+    """
+
+    __slots__ = ()
+
+    def __eq__(self, other: object) -> bool:
+        return type(other) is _ComparableFlags and self._values == other._values
+
+    def __hash__(self) -> int:
+        return hash(_ComparableFlags)  # few differ in a process, and numba's own are all the same
+
+
+class _SubroutineLibrary(JITCodeLibrary):
+    """Optimized code of a subroutine, of which no machine code is made: kernels contain it."""
+
+    def _finalize_final_module(self) -> None:
+        self._finalized = True
+
+
+@register_pass(mutates_CFG=True, analysis_only=False)  # type: ignore[no-untyped-call]
+class _Lowering(NativeLowering):
+    """Lowers subroutines to code for kernels, and kernels to machine code."""
+
+    _name = "star_lowering"
+
+    def run_pass(self, state: Any) -> bool:
+        context = state.targetctx
+        state.flags.no_compile = state.flags.forceinline
+        if state.flags.no_compile:
+            name = state.func_id.func_qualname
+            state.library = _SubroutineLibrary(context.codegen(), name)  # type: ignore[no-untyped-call]
+        super().run_pass(state)  # type: ignore[no-untyped-call]
+        library, lowered = state.library, state.cr
+        if state.flags.no_compile:  # a function of address 0 stands for it in numba's tables
+            module = lowered.fndesc.lookup_module()
+            entry = make_function(module, name, "", 0, lowered.env, (library,))
+            context.insert_user_function(entry, lowered.fndesc, [library])
+            state.cr = lowered._replace(cfunc=entry)
+        else:  # as when it is loaded from disk
+            for variable in library._final_module.global_variables:  # noqa: SLF001 -- no other way
+                environment = lookup_environment(variable.name)  # type: ignore[no-untyped-call]
+                if environment is not None:
+                    library.codegen.set_env(variable.name, environment)
+        return True
+
+
 class _KernelCompiler(CompilerBase):
-    """Numba's compiler, with its pass over branches that are never taken replaced."""
+    """Numba's compiler, with other passes and flags where its own do more than kernels need."""
+
+    def __init__(self, *arguments: Any) -> None:
+        *others, flags, types_of_locals = arguments
+        super().__init__(*others, _ComparableFlags(flags), types_of_locals)  # type: ignore[call-arg, no-untyped-call]
 
     def define_pipelines(self) -> list[Any]:
         steps: Any = DefaultPassBuilder.define_nopython_pipeline(self.state)  # type: ignore[no-untyped-call]
-        steps.passes = [
-            (_PruneBranches if step is DeadBranchPrune else step, text)
-            for step, text in steps.passes
-        ]
+        steps.passes = [(REPLACED.get(step, step), text) for step, text in steps.passes]
         steps.finalize()
         return [steps]
 
 
+REPLACED: Final = {DeadBranchPrune: _PruneBranches, NativeLowering: _Lowering}
 COMMON: Final = {"error_model": "numpy", "pipeline_class": _KernelCompiler}  # options of `njit`
 
 

@@ -215,3 +215,20 @@ def _half(x: float) -> float:
 
 def test_types_of_numba_are_not_changed_for_other_code() -> None:
     assert not hasattr(numba.types.Array, "literal_type")
+
+
+@subroutine
+def thrice(value: float) -> float:
+    with numba.objmode(doubled="float64"):
+        doubled = float(2 * value)
+    return value + doubled
+
+
+def test_subroutines_of_a_new_kernel_may_return_to_python(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def kernel(value: float) -> float:
+        return thrice(value)
+
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
+    assert compiled(kernel)(1.5) == 4.5
