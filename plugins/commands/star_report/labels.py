@@ -52,13 +52,13 @@ def made(software: Mapping[str, Any], rows: Mapping[str, str]) -> dict[str, str]
     """
     packages = software.get("packages")
     versions = packages.items() if isinstance(packages, Mapping) else ()
-    own, others = [f"{n} {v}" for n, v in versions][:1], [f"{n} {v}" for n, v in versions][1:]
+    releases = [f"{name} {version}" for name, version in versions]  # that of STAR first
     commit = str(software.get("commit") or "")
     return {
         "command": str(software.get("command") or ""),
         **rows,
-        "STAR": ", ".join([*own, *([f"commit {commit}"] if commit else [])]),
-        "packages": ", ".join(others),
+        "STAR": ", ".join([*releases[:1], *([f"commit {commit}"] if commit else [])]),
+        "packages": ", ".join(releases[1:]),
         "computer": ", ".join(
             f"{name}{software[key]}"
             for key, name in (("python", "Python "), ("platform", ""))

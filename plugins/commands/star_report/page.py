@@ -105,7 +105,7 @@ def _made(run: Run) -> str:
     rows = {
         "mission": str(manifest["mission_file"]),
         "seed": str(seed),
-        "plugins of others": plugins,
+        "third-party plugins": plugins,
         "record": str(run.folder),
     }
     return footer(made(manifest, rows))

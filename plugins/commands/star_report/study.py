@@ -97,7 +97,7 @@ def _condition(row: Row, factors: Sequence[str]) -> str:
 
 
 def _about(folder: Path) -> Mapping[str, Any]:
-    """Return the content of ``study.json``, which may be missing, or of others."""
+    """Return the content of ``study.json``; empty if it is missing or is another file."""
     try:
         about = json.loads((folder / "study.json").read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError):
