@@ -42,13 +42,15 @@ def verbs(step: Any) -> Iterator[str]:
             yield from verbs(options)
         elif verb in {"repeat", "each"}:
             yield from verbs(options["steps"])
+        elif verb == "if":
+            yield from verbs([*options["then"], *options.get("else", [])])
 
 
 def test_random_missions_have_every_verb_and_all_plugins() -> None:
     drawn = [random_mission(draw_of(seed)).mission for seed in range(70)]
     assert {verb for one in drawn for verb in verbs(one["mission"])} == {
         *("takeoff", "land", "goto", "hold", "wait", "formation", "follow", "search", "join"),
-        *("leave", "parallel", "repeat", "each", "include"),
+        *("leave", "parallel", "repeat", "each", "include", "if"),
     }
     assert {one["avoider"] for one in drawn} == {"orca", "voronoi", "potential"}
     assert {one["planner"] for one in drawn} == {"straight", "visibility"}

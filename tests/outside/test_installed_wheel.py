@@ -23,7 +23,8 @@ WITHOUT_KERNELS = ("--set", "transport=points", "--set", "avoider=none")
 @pytest.mark.parametrize("name", ["first_flight", "each_own_pace", "worlds/lab_4x4"])
 def test_a_shipped_mission_is_found_with_all_files_it_uses(run: Run, name: str) -> None:
     checked = run("star", "check", name)
-    assert (checked.returncode, checked.stderr) == (0, "")
+    problems = [line for line in checked.stderr.splitlines() if not line.startswith("checking")]
+    assert (checked.returncode, problems) == (0, [])
     assert checked.stdout.startswith(f"{name}: ")
 
 

@@ -49,7 +49,7 @@ def anchored(expression: str) -> str:
     r"""Return a regular expression whose last ``$`` is the very end of a string.
 
     >>> anchored("^a$")
-    '^a\\\\Z'
+    '^a\\Z'
     """
     return re.sub(r"(?<!\\)((?:\\\\)*)\$$", r"\1\\Z", expression)
 
