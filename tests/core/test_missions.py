@@ -41,6 +41,14 @@ SETTINGS = {  # to shorten long flights, and to fly `external` beside other test
         "mission.2.follow.timescale=1.1",
     ),
 }
+REHEARSED = {  # missions whose rehearsals must take as long as their flights
+    "each_own_pace",
+    "handover",
+    "safety",
+    "search_flow",
+    "trajectory",
+    "until_low",
+}
 WARNINGS = {  # with tags detected on board, which a search may not see for some time
     "relief": {"drift-exceeds-clearance", "drift-exceeds-separation"},
 }
@@ -70,12 +78,20 @@ def flown(
 def test_every_mission_checks_and_completes_without_collision(
     mission: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    """One flight each shows this, and that a rehearsal takes as long."""
     assert main(["check", str(mission)]) == 0
     warnings = re.findall(r"warning: .* \[(.*)\]$", capsys.readouterr().err, re.MULTILINE)
     assert {*warnings} == WARNINGS.get(mission.stem, set())
-    summary = flown(mission, tmp_path, settings=SETTINGS.get(mission.stem, ()))
+    settings = SETTINGS.get(mission.stem, ())
+    summary = flown(mission, tmp_path, settings=settings)
     assert summary["collisions"] == {"agent_agent": 0, "agent_obstacle": 0}
     assert summary["targets"]["found"] == summary["targets"]["total"]
+    if mission.stem in REHEARSED:
+        registry = Registry()
+        rehearsal = registry.manager.hook.star_rehearse(
+            mission=load(mission, registry, settings), registry=registry
+        )
+        assert rehearsal.duration == pytest.approx(summary["steps"][-1]["ended_s"], rel=0.1)
 
 
 def test_by_default_the_world_is_that_of_a_careful_lab() -> None:
