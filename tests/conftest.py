@@ -1,5 +1,6 @@
 """What every test may use."""
 
+import gc
 import os
 import sys
 from collections.abc import Callable, Generator, Iterator
@@ -121,6 +122,17 @@ def with_plugin(monkeypatch: pytest.MonkeyPatch) -> Callable[[object], None]:
         monkeypatch.setattr("star_core.plugin_support.registry.Registry", lambda: registry)
 
     return add
+
+
+def pytest_collectstart() -> None:
+    """Collect tests without garbage collections: what is collected stays."""
+    gc.disable()
+
+
+def pytest_collection_finish() -> None:
+    """Exclude some 400,000 objects of the collected tests from each full garbage collection."""
+    gc.enable()
+    gc.freeze()
 
 
 @pytest.hookimpl(optionalhook=True, wrapper=True)

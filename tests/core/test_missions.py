@@ -30,7 +30,8 @@ SETTINGS = {  # to shorten long flights, and to fly `external` beside other test
     ),
     "relief": (
         "mission.1.repeat.times=1",
-        "transport.endurance=100",
+        "mission.1.repeat.steps.0.search.area={low: [-2.8, -1.5], high: [2.8, 0.5]}",
+        "transport.endurance=60",
         "transport.swap_time=15",
     ),
     "search": ("mission.1.search.speed=0.45", IN_PROCESS),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import gc
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -117,6 +117,15 @@ class Frozen:
             self.counts.append(gc.get_freeze_count())
 
 
+@pytest.fixture
+def unfrozen() -> Iterator[None]:
+    """Nothing is frozen: objects of collected tests are, otherwise."""
+    gc.unfreeze()
+    yield
+    gc.freeze()
+
+
+@pytest.mark.usefixtures("unfrozen")
 @pytest.mark.parametrize("realtime", [False, True])
 def test_real_time_flights_freeze_earlier_objects_from_gc(lab: Lab, *, realtime: bool) -> None:
     frozen = Frozen()
