@@ -152,11 +152,13 @@ def _run(mission: Mission, runner: MissionSteps, tasks: _Tasks, handling: _Handl
         tasks.late = swarm.time > MAX_DURATION
         try:
             flies = swarm.phase == AgentPhase.FLYING
-            sightings = lookout.look(swarm.time, swarm.position, swarm.yaw, flies)
-            estimate = replace(swarm.estimate(), sightings=sightings)
+            estimate = swarm.estimate()
+            if lookout.watches:
+                sightings = lookout.look(swarm.time, swarm.position, swarm.yaw, flies)
+                estimate = replace(estimate, sightings=sightings)
             health = swarm.health()
             if handling.voltage is not None:
-                airborne = np.isin(swarm.phase, IN_FLIGHT)
+                airborne = (swarm.phase[:, None] == IN_FLIGHT).any(axis=1)
                 flown += TICK * airborne
                 battery = np.where(airborne, handling.voltage(flown), health.battery)
                 health = replace(health, battery=battery)

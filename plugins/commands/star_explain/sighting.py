@@ -42,6 +42,11 @@ class Lookout:
         self._models = {row: CameraModel(camera) for row, camera in cameras.items()}
         self._due = dict.fromkeys(self._models, 0.0)  # s, of the next image
 
+    @property
+    def watches(self) -> bool:
+        """Whether any agent can ever see a target."""
+        return len(self._id) > 0 and len(self._models) > 0
+
     def look(self, time: float, position: Array, yaw: Array, flies: Mask) -> Sightings:
         """Return what agents see now.
 
@@ -52,7 +57,7 @@ class Lookout:
             flies: (N,) agents whose cameras take images.
         """
         agents, targets = [], []
-        for row, model in self._models.items() if len(self._id) else ():
+        for row, model in self._models.items() if self.watches else ():
             if flies[row] and time >= self._due[row]:
                 self._due[row] = time + 1 / model.camera.rate - 1e-6
                 visible = self._visible(model, position[row], float(yaw[row]))
