@@ -31,7 +31,7 @@ def star_commands(registry: Registry) -> Iterator[CommandSpec]:
     )
     yield CommandSpec(
         name="check",
-        summary="Check a file: a mission, a world, a study or another.",
+        summary="Check missions, worlds, studies and other files, without a flight.",
         configure=deferred("star_basics.check:configure"),
         run=deferred("star_basics.check:run"),
         group="Author",
