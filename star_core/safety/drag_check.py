@@ -27,8 +27,8 @@ SCALE_TIME: Final = 30.0  # s, correlation time of that share
 
 BIAS_STD: Final = 0.2  # m/s², of the accelerometer's error along an axis at the take-off
 BIAS_WANDER: Final = 1.8e-4
-"""Growth of the variance of that error, (m/s²)²/s: it wanders by 0.03 m/s² within 10 s, and twice
-its square per that time is the rate at which it begins."""
+"""Growth of the variance of that error, (m/s²)²/s: 2 (0.03 m/s²)² / 10 s, the initial rate of a
+first-order Gauss-Markov process with this standard deviation and correlation time."""
 
 NOISE: Final = 0.0005
 """Density of the noise of measured drag, (m/s²)² s. In the recorded flights, means over 1 s err by

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import suppress
 from copy import deepcopy
 from functools import cache
 from pathlib import Path
@@ -15,7 +14,6 @@ from urllib.parse import quote, unquote
 from star_core import InputError, Problem, Registry
 from star_core.commands import PIPELINE_KINDS, SHARED
 from star_core.formats import Document, Location, MissionSpec, references
-from star_yaml.fitting import Undecided, anchored, fits, is_whole
 from star_yaml.input_file import read, require_kind
 
 if TYPE_CHECKING:
@@ -125,9 +123,6 @@ def faults(
     document: Document, schema: Mapping[str, Any], *, parameters: bool = False
 ) -> list[Fault]:
     """Return every mistake in `document`; the arguments are those of `problems`."""
-    with suppress(Undecided):
-        if fits(document.data, schema, schema):
-            return []
     errors = list(validator()(dict(schema)).iter_errors(document.data))
     if parameters:
         errors = [error for error in errors if not _depends(error)]
@@ -249,15 +244,17 @@ def validator() -> type[Validator]:
     from jsonschema import Draft202012Validator, ValidationError
     from jsonschema.validators import extend
 
+    def is_whole(_checker: object, value: object) -> bool:
+        return isinstance(value, int) and not isinstance(value, bool)
+
     def pattern(
         _validator: object, expression: str, value: object, _schema: object
     ) -> Iterator[Any]:
-        if isinstance(value, str) and not re.search(anchored(expression), value):
+        to_the_end = re.sub(r"(?<!\\)((?:\\\\)*)\$$", r"\1\\Z", expression)
+        if isinstance(value, str) and not re.search(to_the_end, value):
             yield ValidationError(f"{value!r} does not match {expression!r}")
 
-    checker = Draft202012Validator.TYPE_CHECKER.redefine(
-        "integer", lambda _checker, value: is_whole(value)
-    )
+    checker = Draft202012Validator.TYPE_CHECKER.redefine("integer", is_whole)
     return extend(Draft202012Validator, {"pattern": pattern}, type_checker=checker)  # type: ignore[no-any-return, no-untyped-call]
 
 
