@@ -177,8 +177,18 @@ class Goto(Approach):
     def aim(self, estimate: Estimate) -> None:
         if self._other is None:
             super().aim(estimate)
+            self._exchange(estimate)
         elif estimate.valid[self._other] and (self._moving or self._target is None):
             self._aim_beside(self._other, estimate)
+
+    def _exchange(self, estimate: Estimate) -> None:
+        """Let agents exchange their goals around a point if they are stuck."""
+        if self._to is None or self._target is None:
+            return
+        target = self.agents.exchanged(estimate, self._target, self._within)
+        if (target != self._target).any():
+            self._target = target
+            self.goals = self.agents.goals(target, self._yaw, self._speed)
 
     def _aim_beside(self, other: int, estimate: Estimate) -> None:
         """Set the goals for where another agent is."""

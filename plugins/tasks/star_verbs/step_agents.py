@@ -15,6 +15,8 @@ TIE_BREAK = 1e-6  # 1/m: cost of squared distances, which decides between equal 
 MAX_ENUMERATED = 4  # targets; so few need no scipy.optimize, which takes 0.3 s to import
 CROSSES_ALONE = 4  # agents of a swarm that wait for no more than one other to cross the room
 MAKES_WAY = 2.0  # times the tolerance by which an agent that has arrived may be moved aside
+STUCK_TIME = 3.0  # s without `MIN_PROGRESS`, after which agents exchange their positions
+MIN_PROGRESS = 0.05  # m, of all of them together
 DURATION_ERROR = 1e-9  # s: rounding error of mission time, which is a sum of ticks
 
 
@@ -36,6 +38,8 @@ class StepAgents:
         self.scene = scene
         self.rows: Rows = np.array(rows, np.int64)
         self._arrived = np.zeros(len(rows), np.bool_)
+        self._least = math.inf  # m, total distance so far, less than it by `MIN_PROGRESS`
+        self._since = 0.0  # s, when that was
 
     def keep(self, rows: tuple[int, ...]) -> np.ndarray:
         """Remove all agents but some; return which of the K these are, (K,)."""
@@ -96,6 +100,35 @@ class StepAgents:
         """Note that their positions change: none of them has arrived."""
         self._arrived[:] = False
 
+    def exchanged(self, estimate: Estimate, point: Array, within: float) -> Array:
+        """Return `point` (K, 3), its rows exchanged if the agents are stuck; call it each tick.
+
+        An agent that was moved aside may be enclosed by others that have arrived. If all of them
+        together come no nearer to their positions for `STUCK_TIME`, they get those with the least
+        sum of squared distances, which shares a long way among agents with short ones (Turpin,
+        Michael and Kumar, "CAPT: Concurrent assignment and planning of trajectories for multiple
+        robots", IJRR 33(1), 2014).
+
+        Args:
+            estimate: Of the tick.
+            point: (K, 3) their positions, m; those that it returned in the last tick.
+            within: Distance at which an agent has arrived, m.
+        """
+        if not self.located(estimate):
+            return point
+        position, time = estimate.position[self.rows], estimate.time
+        distance = np.linalg.norm(position - point, axis=1)
+        total = float(distance.sum())
+        if distance.max() <= MAKES_WAY * within or total < self._least - MIN_PROGRESS:
+            self._least, self._since = total, time
+        if time - self._since < STUCK_TIME:
+            return point
+        self._least = math.inf
+        order = assign(position, point, squares=True)
+        if (order != np.arange(len(order))).any():
+            self.depart()
+        return point[order]
+
     def travel_distance(self, estimate: Estimate, point: Array | None) -> float:
         """Return the longest distance to `point` (K, 3), m; if unknown, the fence's diagonal."""
         fence = self.scene.world.fence
@@ -136,7 +169,7 @@ class StepAgents:
         return Goals(positions, velocities, yaws, np.full(n, speed), active)
 
 
-def assign(position: Array, target: Array) -> Rows:
+def assign(position: Array, target: Array, *, squares: bool = False) -> Rows:
     """Return the target of each agent, so that the total distance flown is minimal.
 
     Straight paths of minimal total length do not cross: uncrossing two paths shortens them, by the
@@ -146,6 +179,7 @@ def assign(position: Array, target: Array) -> Rows:
     Args:
         position: (K, 3) positions of the agents, m.
         target: (P, 3) available positions, one agent each, m; at least K of them.
+        squares: Whether the sum of the squared distances is minimal instead.
 
     Returns:
         (K,) row in `target` for each row in `position`.
@@ -156,7 +190,7 @@ def assign(position: Array, target: Array) -> Rows:
     """
     offset = position[:, None] - target[None, :]  # (K, P, 3)
     distance = np.sqrt((offset**2).sum(axis=2))
-    cost = distance + TIE_BREAK * distance**2
+    cost = distance**2 if squares else distance + TIE_BREAK * distance**2
     rows = np.arange(len(cost))
     if len(target) <= MAX_ENUMERATED:
         orders = [np.array(order, np.intp) for order in permutations(range(len(target)), len(cost))]

@@ -5,13 +5,15 @@ from __future__ import annotations
 import subprocess
 import sys
 from itertools import combinations, permutations
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from star_core import Array
+from star_core import AgentPhase, Array
+from star_core.testing import estimate, health, scene
 from star_verbs import step_agents
 from star_verbs.step_agents import assign
 
@@ -79,6 +81,34 @@ def test_a_larger_swarm_imports_scipy_before_it_flies() -> None:
         "import_assignment(5); assert (few, 'scipy.optimize' in sys.modules) == (False, True)"
     )
     subprocess.run([sys.executable, "-c", ask], check=True)
+
+
+@pytest.mark.parametrize(
+    ("verb", "options"),
+    [("formation", {"shape": "grid", "centre": [0, 0, 0.8]}), ("goto", {"to": [0, 0, 0.8]})],
+)
+def test_a_stuck_agent_and_one_before_it_exchange(
+    make: Any, verb: str, options: dict[str, Any]
+) -> None:
+    room = scene(6)
+    task = make(verb, room, tuple(range(6)), **options, spacing=0.6)
+    there = np.array([[x, y, 0.8] for y in (0.3, -0.3) for x in (-0.6, 0.0, 0.6)])
+    if verb == "goto":
+        task.begin(estimate(np.array(there)), health(6, AgentPhase.FLYING))
+        there = task.step(estimate(there), health(6)).goals.position
+    last = int(np.argmax(there[:, 0]))
+    before = int(np.argsort(np.linalg.norm(there - there[last], axis=1))[1])
+    stuck = there.copy()
+    stuck[last] += 1.45 * (there[before] - there[last])  # beyond the one that it could follow
+    task.begin(estimate(there), health(6, AgentPhase.FLYING))
+    goals = [
+        task.step(estimate(stuck, time=time), health(6)).goals.position
+        for time in np.arange(0.0, 4.0, 0.5)
+    ]
+    exchanged = there.copy()
+    exchanged[[last, before]] = there[[before, last]]
+    assert goals[0].tolist() == there.tolist()
+    assert goals[-1].tolist() == exchanged.tolist()
 
 
 def _side(a: Array, b: Array, c: Array) -> float:

@@ -21,9 +21,10 @@ CATCH_UP: Final = 1.5  # times the formation's speed: the speed limit of an agen
 class Formation:
     """Sends each agent to a position of a shape, holds the shape, and moves it as a whole.
 
-    The formation is formed when every agent is at its position and has stopped. Then it is held,
-    and then its positions move together: they slow down when the agent farthest from its position
-    is more than `SLOW_LAG` away, and stop when it is `STOP_LAG` away or not located.
+    The formation is formed when every agent is at its position and has stopped; agents that do not
+    get there exchange their positions. Then it is held, and then its positions move together: they
+    slow down when the agent farthest from its position is more than `SLOW_LAG` away, and stop when
+    it is `STOP_LAG` away or not located.
 
     Args:
         scene: The mission's scene.
@@ -61,10 +62,13 @@ class Formation:
             self._assign(estimate)
         if self._position is None:
             return TaskOutput()
+        within = self._options["within"]
+        if math.isinf(self._formed):
+            self._position = self._agents.exchanged(estimate, self._position, within)
         elapsed, self._time = estimate.time - self._time, estimate.time
         position = self._position + self._moved()
         lag = self._agents.max_distance(estimate, position)
-        arrived = self._agents.arrived(estimate, position, self._options["within"])
+        arrived = self._agents.arrived(estimate, position, within)
         if arrived:
             self._formed = min(self._formed, estimate.time)
         formed = estimate.time - self._formed >= self._options["for"] - DURATION_ERROR
