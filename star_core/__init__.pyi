@@ -56,6 +56,7 @@ from star_core.plugin_support.specs import TransportSpec as TransportSpec
 from star_core.plugin_support.specs import deferred as deferred
 from star_core.records.read_run import Run as Run
 from star_core.records.read_run import read_run as read_run
+from star_core.records.study_results import read_study as read_study
 from star_core.runner import fly as fly
 from star_core.world.camera import Camera as Camera
 from star_core.world.scene import Agent as Agent

@@ -7,11 +7,17 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from io import StringIO
+from pathlib import Path
 from typing import Any, Final
 
+from star_core.errors import InputError
+
 MAX_NUMBER: Final = 1e12  # of a summary
+MAX_MEASURE: Final = 1e100  # of a table, whose variance is finite
 STUDY_COLUMNS: Final = ("mission", "seed", "outcome", "reason", "wall_time_s")
 """Columns of every ``results.csv``; factors cannot have these names."""
+AFTER_LEVELS: Final = ("seed", "outcome", "reason")
+VALUE: Final = (*"-0123456789", "true", "false")  # what a number or a boolean begins with
 FORMULA: Final = ("=", "+", "-", "@")  # what a formula of a spreadsheet begins with
 
 
@@ -78,6 +84,33 @@ class StudyResults:
         return text.getvalue()
 
 
+def read_study(folder: str | Path) -> dict[str, list[Any]]:
+    """Return the runs of a study as a table with a row for each: its columns by name, in order.
+
+    They are mission, the level of each factor, seed, outcome, reason and the measures. A measure
+    that a run does not have is None; one that is a list or a map is its text as JSON.
+    ``pandas.DataFrame(read_study(folder))`` is a tidy table.
+
+    Raises:
+        InputError: The folder has no ``results.csv``, or one that is no table of a study.
+    """
+    path = Path(folder, "results.csv")
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
+            rows = list(csv.reader(file))
+    except (OSError, ValueError, csv.Error) as error:
+        raise InputError(f"{path}: cannot be read: {error}", "no-record") from error
+    columns = rows.pop(0) if rows else []
+    measures = columns.index("seed") + 3 if "seed" in columns else 0
+    fits = columns[:1] == ["mission"] and columns[measures - 3 : measures] == list(AFTER_LEVELS)
+    if not fits or any(len(row) != len(set(columns)) for row in [columns, *rows]):
+        raise InputError(f"{path}: expected the table of a study", "no-record")
+    table: dict[str, list[Any]] = {name: [row[i] for row in rows] for i, name in enumerate(columns)}
+    for name in ["seed", *columns[measures:]]:
+        table[name] = [_value(cell) for cell in table[name]]
+    return table
+
+
 def value_at(summary: Mapping[str, Any] | None, path: str) -> Any:
     """Return the value at `path`, keys joined by dots; None if there is none.
 
@@ -107,6 +140,21 @@ def _cell(value: Any) -> Any:
     if isinstance(value, str):
         return _inert(value)
     return json.dumps(value) if isinstance(value, Mapping | list | bool) else value
+
+
+def _value(cell: str) -> Any:
+    """Return the value of a cell: a number, a boolean or a text, and None if it is empty.
+
+    >>> [_value(cell) for cell in ("", "3", "5e-1", "true", "[1]", "1e999")]
+    [None, 3, 0.5, True, '[1]', '1e999']
+    """
+    if not cell.startswith(VALUE):
+        return cell or None
+    try:
+        value = json.loads(cell)
+    except ValueError:
+        return cell
+    return value if abs(value) <= MAX_MEASURE else cell
 
 
 def _inert(text: str) -> str:
