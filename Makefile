@@ -8,7 +8,7 @@ FLIGHTS ?= 100
 
 .DEFAULT_GOAL := help
 unexport PYTHONDONTWRITEBYTECODE  # the tests start many processes
-.PHONY: help fly test check generated pictures docs air bench campaign faults link-cuts guardian safe-defaults mutants scenarios fuzz soak lowest clean
+.PHONY: help fly test check generated pictures docs air bench campaign faults link-cuts guardian safe-defaults killed-studies mutants scenarios fuzz soak lowest clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 12
@@ -85,6 +85,9 @@ soak: $(VENV)/.ready  ## 30 drones over the protocol for 10 minutes: ticks, memo
 
 safe-defaults: $(VENV)/.ready  ## the table of safe defaults in docs/reliability.md; long
 	$(BIN)/python -m tests.campaign.safe_defaults
+
+killed-studies: $(VENV)/.ready  ## a study of 1000 runs killed five times, compared with an uninterrupted one (docs/studies.md)
+	$(BIN)/python -m tests.campaign.killed_studies
 
 mutants: $(VENV)/.ready  ## plant small mistakes, and print which of them the tests notice
 	$(BIN)/python -m tests.campaign.mutants

@@ -14,7 +14,7 @@ from star_core.errors import InputError
 
 MAX_NUMBER: Final = 1e12  # of a summary
 MAX_MEASURE: Final = 1e100  # of a table, whose variance is finite
-STUDY_COLUMNS: Final = ("mission", "seed", "outcome", "reason", "wall_time_s")
+STUDY_COLUMNS: Final = ("mission", "seed", "outcome", "reason")
 """Columns of every ``results.csv``; factors cannot have these names."""
 AFTER_LEVELS: Final = ("seed", "outcome", "reason")
 VALUE: Final = (*"-0123456789", "true", "false")  # what a number or a boolean begins with
@@ -62,7 +62,7 @@ class StudyResults:
     interrupted: bool = False
 
     def as_csv(self, factors: Sequence[str], measures: Sequence[str]) -> str:
-        """Return a table with a header and a row for each flight.
+        """Return a table with a header and a row for each flight: equal for equal studies.
 
         Numbers have full precision. A measure that a flight does not have is empty; one that is a
         column already is left out. Texts are such that no spreadsheet takes them for formulas.
@@ -74,14 +74,25 @@ class StudyResults:
         text = StringIO()
         table = csv.writer(text, lineterminator="\n")
         measures = [measure for measure in measures if measure not in STUDY_COLUMNS]
-        table.writerow(["mission", *factors, "seed", "outcome", "reason", *measures, "wall_time_s"])
+        table.writerow(["mission", *factors, "seed", "outcome", "reason", *measures])
         for flight in self.flights:
-            names = (flight.mission, *(flight.levels[factor] for factor in factors))
             texts = (_inert(flight.outcome), _inert(flight.reason))
             values = (_cell(flight.value(measure)) for measure in measures)
-            wall_time = f"{flight.wall_time:.3f}"
-            table.writerow([*map(_inert, names), flight.seed, *texts, *values, wall_time])
+            table.writerow([*_names(flight, factors), flight.seed, *texts, *values])
         return text.getvalue()
+
+    def timings(self, factors: Sequence[str]) -> str:
+        """Return a table with the wall time of each flight, s, in the order of `as_csv`."""
+        text = StringIO()
+        table = csv.writer(text, lineterminator="\n")
+        table.writerow(["mission", *factors, "seed", "wall_time_s"])
+        for flight in self.flights:
+            table.writerow([*_names(flight, factors), flight.seed, f"{flight.wall_time:.3f}"])
+        return text.getvalue()
+
+
+def _names(flight: StudyFlight, factors: Sequence[str]) -> list[str]:
+    return [_inert(name) for name in (flight.mission, *(flight.levels[f] for f in factors))]
 
 
 def read_study(folder: str | Path) -> dict[str, list[Any]]:

@@ -28,7 +28,7 @@ from star_core.commands import (
     write_report,
     writing,
 )
-from star_core.toolkit import STUDY_COLUMNS, Progress, StudyResults, suggestion
+from star_core.toolkit import STUDY_COLUMNS, Progress, StudyResults, log, suggestion
 
 JOURNAL: Final = "runs.jsonl"
 TABLE: Final = "results.md"
@@ -106,9 +106,12 @@ def _ablate(study: Study, folder: Path, workers: int, *, record: bool = False) -
     with closing(Journal(folder / JOURNAL)) as journal, _interrupts() as interrupts:
         results_by_key = {run.key: journal.done[run.key] for run in runs if run.key in journal.done}
         missing = [run for run in runs if run.key not in results_by_key]
+        for change, count in journal.changes(missing).items():
+            again = "1 run is" if count == 1 else f"{count} runs are"
+            log(f"star: {again} flown again: {change}")
         jobs = [Job(run.mission(), _record(folder, run) if record else None) for run in missing]
-        log, limit = folder / "log.txt", study.time_limit
-        flights = fly_all(jobs, workers, log, limit, stopped=lambda: bool(interrupts))
+        output, limit = folder / "log.txt", study.time_limit
+        flights = fly_all(jobs, workers, output, limit, stopped=lambda: bool(interrupts))
         progress = StudyProgress(study.name, len(runs), len(results_by_key), workers)
         with progress, closing(flights):
             for index, result in flights:
@@ -118,6 +121,7 @@ def _ablate(study: Study, folder: Path, workers: int, *, record: bool = False) -
     done = [(run, results_by_key[run.key]) for run in runs if run.key in results_by_key]
     flown = study_results(done, interrupted=bool(interrupts))
     replace_file(folder / "results.csv", flown.as_csv(study.factors, study.measures))
+    replace_file(folder / "timings.csv", flown.timings(study.factors))
     replace_file(folder / TABLE, as_markdown(study, done))
     sys.stderr.writelines(f"star: {line}\n" for line in _unknown_measures(study, done))
     if interrupts:

@@ -5,18 +5,35 @@ from __future__ import annotations
 import json
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict
 from pathlib import Path
-from typing import Final
+from typing import Any, Final, NamedTuple
 
 from star_ablate.flight import Result
 from star_ablate.study import Run
-from star_core.toolkit import Progress, duration, log, on_terminal
+from star_core.toolkit import Progress, duration, log, on_terminal, shortlist
 
 MAX_LINE: Final = 100_000_000  # bytes
 MAX_WALL_TIME: Final = 1e9  # s
+MANY: Final = 2  # changes, above which they are a list
 WARM_FLIGHTS = 2  # for each worker, after its first; then the time of the study is estimated
+
+
+class Entry(NamedTuple):
+    """A run in a journal.
+
+    Attributes:
+        key: Of the run.
+        flight: Names of its condition, and its seed.
+        basis: Digests of what it depended on; empty in journals without them.
+        result: Of the run.
+    """
+
+    key: str
+    flight: tuple[Any, ...]
+    basis: Mapping[str, str]
+    result: Result
 
 
 class Journal:
@@ -32,25 +49,54 @@ class Journal:
 
     def __init__(self, path: Path) -> None:
         self.done: dict[str, Result] = {}
+        self._bases: dict[tuple[Any, ...], Mapping[str, str]] = {}  # by `Entry.flight`
         whole = True  # whether the last line ends
         for line in _lines(path) if path.exists() else ():
             whole = line.endswith(b"\n")
-            if (run := _parsed(line)) is not None:
-                self.done[run[0]] = run[1]
+            entry = _parsed(line)
+            if entry is not None and entry.result.summary is not None:
+                self.done[entry.key] = entry.result
+                self._bases[entry.flight] = entry.basis
         self._file = path.open("a", encoding="utf-8")
         if not whole:  # a previous writer was killed in the middle of a line
             self._file.write("\n")
 
+    def changes(self, runs: Iterable[Run]) -> Counter[str]:
+        """Count the runs that were flown before, by what has changed since, in words."""
+        changed: Counter[str] = Counter()
+        for run in runs:
+            before = self._bases.get(_flight(run))
+            if before is not None:
+                changed[_difference(before, run.condition.basis)] += 1
+        return changed
+
     def add(self, run: Run, result: Result) -> None:
         """Store the result of a run."""
         about = {"key": run.key, "mission": run.condition.file, "seed": run.seed}
-        levels = {"levels": dict(run.condition.levels)}
-        self._file.write(json.dumps(about | levels | asdict(result)) + "\n")
+        about |= {"levels": dict(run.condition.levels), "basis": dict(run.condition.basis)}
+        self._file.write(json.dumps(about | asdict(result)) + "\n")
         self._file.flush()
 
     def close(self) -> None:
         """Close the file."""
         self._file.close()
+
+
+def _flight(run: Run) -> tuple[Any, ...]:
+    return (*run.condition.names, str(run.seed))
+
+
+def _difference(before: Mapping[str, str], after: Mapping[str, str]) -> str:
+    """Return in words what differs between two bases.
+
+    >>> _difference({"mission": "1", "plugin 'b'": "3"}, {"mission": "2"})
+    "mission and plugin 'b' have changed"
+    """
+    if not before:
+        return "their journal does not state the code that flew them"
+    changed = [name for name in {**before, **after} if before.get(name) != after.get(name)]
+    names = shortlist(changed) if len(changed) > MANY else " and ".join(changed)
+    return f"{names} {'has' if len(changed) == 1 else 'have'} changed"
 
 
 def _lines(path: Path) -> Iterator[bytes]:
@@ -60,21 +106,28 @@ def _lines(path: Path) -> Iterator[bytes]:
             yield line
 
 
-def _parsed(line: bytes | str) -> tuple[str, Result] | None:
-    """Return the key and result of a run with a summary; None for any other line."""
+def _parsed(line: bytes | str) -> Entry | None:
+    """Return the run of a line; None if there is none."""
     try:
-        match json.loads(line):
+        match record := json.loads(line):
             case {
                 "key": str(key),
                 "outcome": str(outcome),
                 "reason": str(reason),
                 "wall_time": float(wall_time) | int(wall_time),
-                "summary": dict(summary),
+                "summary": dict() | None as summary,
             } if abs(wall_time) <= MAX_WALL_TIME:
-                return key, Result(outcome, reason, wall_time, summary)
+                names = [record.get("mission"), *_map(record.get("levels")).values()]
+                flight = (*map(str, names), str(record.get("seed")))
+                result = Result(outcome, reason, wall_time, summary)
+                return Entry(key, flight, _map(record.get("basis")), result)
     except (ValueError, RecursionError):
         pass
     return None
+
+
+def _map(value: object) -> Mapping[str, Any]:
+    return value if isinstance(value, dict) else {}
 
 
 class StudyProgress(Progress):

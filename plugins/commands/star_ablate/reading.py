@@ -8,6 +8,7 @@ from itertools import combinations, count, islice, product
 from pathlib import Path
 from typing import Any, Final, TypeAlias
 
+from star_ablate.basis import Basis
 from star_ablate.study import Condition, Study
 from star_core import InputError, Mission, Problem, Registry, load
 from star_core.formats import SourceFile, read_as
@@ -108,7 +109,7 @@ def _file_problems(study: Path, files: Sequence[Path], names: Sequence[str]) -> 
 def _factor_problems(factors: Factors) -> Iterator[Problem]:
     """Yield the problems of factors, individually and in combination."""
     for name, levels in factors.items():
-        if name in STUDY_COLUMNS:
+        if name in (*STUDY_COLUMNS, "wall_time_s"):
             wrong = f"a factor cannot be called {name!r}: the results have that column"
             yield Problem(("factors", name), wrong, "duplicate-name")
         for level, settings in levels.items():
@@ -136,6 +137,7 @@ def _conditions(
     """
     conditions = []
     problems: list[str] = []
+    basis = Basis(registry)
     combos = [dict(zip(factors, names, strict=True)) for names in product(*factors.values())]
     with Progress("checking", len(files) * len(combos), unit="missions") as progress:
         for file in files:
@@ -143,7 +145,7 @@ def _conditions(
             for levels in combos:
                 try:
                     mission = _load(file, levels, factors, registry, document)
-                    conditions.append(Condition(file.stem, levels, mission))
+                    conditions.append(Condition(file.stem, levels, mission, basis.of(mission)))
                 except InputError as error:
                     label = ", ".join(f"{name}: {level}" for name, level in levels.items())
                     for problem in dict.fromkeys(error.problems):

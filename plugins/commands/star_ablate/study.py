@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
+from star_ablate.basis import digest
 from star_core import Mission
-from star_core.toolkit import actions
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,6 +17,7 @@ class Condition:
     file: str  # name of the mission's file, without its suffix
     levels: Mapping[str, str]  # of each factor, by name
     mission: Mission  # without its seed
+    basis: Mapping[str, str] = field(default_factory=dict)  # as `Basis.of` returns it
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -36,8 +35,8 @@ class Run:
     Attributes:
         condition: The condition flown.
         seed: Root seed of its random numbers.
-        key: Equal for equal flights: a digest of the mission and its world as set, the versions of
-            its plugins, the names of the levels, and the seed.
+        key: Equal for equal flights: a digest of what they depend on and of the names of the
+            levels, and the seed.
     """
 
     condition: Condition
@@ -82,21 +81,7 @@ class Study:
     def runs(self) -> Iterator[Run]:
         """Every flight, in the order of the results: by condition, then by seed."""
         for condition in self.conditions:
-            digest = _digest(condition)
+            key = digest([condition.file, condition.levels, condition.basis])
             of_mission = (condition.mission.scene.seed,)
             for seed in of_mission if self.seeds is None else self.seeds:
-                yield Run(condition, seed, f"{digest}-{seed}")
-
-
-def _digest(condition: Condition) -> str:
-    mission = condition.mission
-    content = {
-        "file": condition.file,
-        "levels": condition.levels,
-        "mission": mission.source,
-        "world": mission.world_file.data,
-        "plugins": {kind: str(choice.source) for kind, choice in mission.plugins.items()},
-        "verbs": {action.verb: str(action.source) for action in actions(mission.all_steps)},
-    }
-    text = json.dumps(content, sort_keys=True)
-    return hashlib.sha256(text.encode()).hexdigest()[:16]
+                yield Run(condition, seed, f"{key}-{seed}")

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
 import time
 from collections.abc import Callable, Generator, Sequence
 from contextlib import suppress
@@ -24,6 +25,10 @@ EXIT_TIMEOUT: Final = 5.0  # s, in which a process ends by itself
 ONE_THREAD: Final = dict.fromkeys(  # there are as many workers as cores
     ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "OPENCV_FOR_THREADS_NUM"), "1"
 )
+
+KILL_AT_EOF: Final = "read line; kill -9 -$0 $0"
+"""Script that kills a process and its group, its argument, when the writer of its input has ended,
+whatever ended it, and whatever that process computes."""
 
 
 def fly_all(
@@ -85,6 +90,7 @@ class Worker:
         self._begun = 0.0
         self.busy = False
         self._process: BaseProcess | None = None
+        self._guard: subprocess.Popen[bytes] | None = None
 
     def begin(self, index: int, job: Job) -> None:
         """Start a job."""
@@ -127,6 +133,7 @@ class Worker:
             self._process.join(EXIT_TIMEOUT)
         if self._process.exitcode is None:
             self._kill()
+        self._dismiss_guard()
 
     def _start(self) -> None:
         self.connection, theirs = SPAWN.Pipe()
@@ -135,6 +142,12 @@ class Worker:
             os.environ.setdefault(name, value)
         process.start()
         theirs.close()  # so that this end reads EOF when the process ends
+        self._guard = subprocess.Popen(  # noqa: S603 -- its argument is a number
+            ["/bin/sh", "-c", KILL_AT_EOF, str(process.pid)],
+            stdin=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,
+        )
 
     def _crashed(self, why: str) -> Result:
         wall_time = time.monotonic() - self._begun
@@ -151,5 +164,12 @@ class Worker:
             os.killpg(process.pid, signal.SIGKILL)
         process.kill()
         process.join()
+        self._dismiss_guard()
         self.connection.close()
         return process.exitcode or 0
+
+    def _dismiss_guard(self) -> None:
+        if self._guard is not None:
+            self._guard.kill()
+            self._guard.communicate()
+            self._guard = None

@@ -68,7 +68,7 @@ def read(folder: Path) -> Study:
         raise InputError(f"{folder / FILE}: cannot be read: {error}", "no-record") from error
     columns = list(rows[0]) if rows else []
     whole = not any(None in row or None in row.values() for row in rows)
-    if not (whole and {"mission", "seed", "outcome", "reason", "wall_time_s"} <= set(columns)):
+    if not (whole and {"mission", "seed", "outcome", "reason"} <= set(columns)):
         raise InputError(f"{folder / FILE}: expected the table of a study", "no-record")
     factors = columns[: columns.index("seed")]
     if len({row["mission"] for row in rows}) == 1 and len(factors) > 1:
@@ -80,7 +80,7 @@ def read(folder: Path) -> Study:
     for name, runs in conditions.items():
         first.setdefault(runs[0]["mission"], name)
     baselines = {name: first[runs[0]["mission"]] for name, runs in conditions.items()}
-    last = columns[columns.index("reason") + 1 : -1]  # without the wall time
+    last = columns[columns.index("reason") + 1 :]
     measures = [name for name in last if any(number(row, name) is not None for row in rows)]
     about = _about(folder)
     name = _name(about) or folder.resolve().name

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from textwrap import dedent
 from typing import TypeAlias
 
 import pytest
+
+from star_ablate.flight import Job, Result
 
 Write: TypeAlias = Callable[[str], Path]
 
@@ -93,6 +96,19 @@ def study(tmp_path: Path, laid_out: Callable[[Path], Write]) -> Write:
 
 
 @pytest.fixture
+def instant(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Replaces flights by a summary whose measures depend on the seed."""
+
+    def fly_all(jobs: Sequence[Job], *_: object, **__: object) -> Iterator[tuple[int, Result]]:
+        for index, job in enumerate(jobs):
+            measure = float(job.mission.scene.seed)
+            summary = {"flight_time_s": measure, "path_length_m": {"total": measure}}
+            yield index, Result("completed", "", 0.1, summary)
+
+    monkeypatch.setattr("star_ablate.command.fly_all", fly_all)
+
+
+@pytest.fixture
 def wrecker(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Installs the wrecker for this process and those it starts; where it stands is returned."""
     site = tmp_path / "site"
@@ -102,6 +118,7 @@ def wrecker(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (about / "METADATA").write_text("Metadata-Version: 2.1\nName: star-wrecker\nVersion: 1.0\n")
     (about / "entry_points.txt").write_text("[star.plugins]\nwrecker = star_wrecker\n")
     monkeypatch.syspath_prepend(site)
+    monkeypatch.delitem(sys.modules, "star_wrecker", raising=False)  # that of another test
     return site
 
 

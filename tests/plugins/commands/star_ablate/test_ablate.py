@@ -16,6 +16,7 @@ import pytest
 import star_ablate
 from star_core import InputError, Registry
 from star_core.commands import run_command
+from tests.campaign.killed_studies import compare
 from tests.commands import command
 
 main = command("ablate")
@@ -67,12 +68,11 @@ def test_example_study_shows_that_orca_separates_drones(
 
 @pytest.mark.usefixtures("in_process")
 def test_two_workers_write_the_results_of_one_process(flown: Study, rows: Rows) -> None:
-    with_two = rows(flown("").parents[1] / "out")
+    with_two = flown("").parents[1] / "out" / "results.csv"
     out = flown("").parents[1] / "alone"
     assert main([str(flown(HOP + SLOW + "seeds: 2\n")), "--out", str(out)]) == 0
-    times = {"wall_time_s": ""}
-    assert [row | times for row in rows(out)] == [row | times for row in with_two]
-    assert len({row["path_length_m.total"] for row in with_two}) == 2
+    assert (out / "results.csv").read_bytes() == with_two.read_bytes()
+    assert len({row["path_length_m.total"] for row in rows(out)}) == 2
 
 
 @pytest.mark.usefixtures("wrecker")
@@ -107,9 +107,12 @@ def test_crashed_runs_are_results_and_the_rest_is_flown(study: Study, rows: Rows
 def test_a_run_that_hangs_is_ended_when_its_time_is_over(study: Study, rows: Rows) -> None:
     harm = "harm: {hang: {avoider: {use: wrecker, made: hang}}}"
     path = study(HOP + f"seeds: 1\ntime_limit: 1\nfactors: {{{harm}}}\n")
-    (row,) = rows(ablate(path))
+    out = ablate(path)
+    (row,) = rows(out)
     assert (row["outcome"], row["reason"]) == ("crashed", "took longer than 1 s")
-    assert float(row["wall_time_s"]) >= 1
+    header, timing = (out / "timings.csv").read_text().splitlines()
+    assert header == "mission,harm,seed,wall_time_s"
+    assert float(timing.removeprefix("hop,hang,0,")) >= 1
 
 
 @pytest.mark.usefixtures("in_process")
@@ -121,7 +124,7 @@ def test_a_study_goes_on_where_it_stopped(
     (line,) = (line for line in capsys.readouterr().err.splitlines() if line[0] == "[")
     assert line.startswith("[3/3] hop, rate: slow, seed 3: completed")
     assert [row["seed"] for row in after] == ["0", "3", "1"]
-    assert [after[0], after[2]] == before  # even their wall times
+    assert [after[0], after[2]] == before
 
 
 def test_a_quiet_study_writes_its_table_and_prints_none(
@@ -151,6 +154,43 @@ def test_records_are_kept_when_asked_for(flown: Study) -> None:
     assert json.loads((record / "manifest.json").read_text())["mission"]["seed"] == 1
     with np.load(record / "trajectory.npz") as trajectory:
         assert np.diff(trajectory["time"]).mean() == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize(
+    ("file", "before", "after", "change"),
+    [
+        ("lab/hop.yaml", "0.3", "0.31", "mission has changed"),
+        ("lab/room.yaml", "[2, 2, 2]", "[2, 2, 3]", "world has changed"),
+        ("lab/line.csv", "0.3", "0.31", "file 'line.csv' has changed"),
+        ("site/star_wrecker.py", "return", " return", "plugin 'star-wrecker:wrecker' has changed"),
+    ],
+)
+@pytest.mark.usefixtures("instant")
+def test_what_has_changed_since_is_flown_again(
+    file: str,
+    before: str,
+    after: str,
+    change: str,
+    study: Study,
+    wrecker: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    path = study(HOP + "seeds: 1\nfactors: {a: {b: {avoider: wrecker}, c: {}}}\n")
+    hop = path.parents[1] / "hop.yaml"
+    hop.write_text(hop.read_text().replace("- land", "- follow: {file: line.csv}\n  - land"))
+    (path.parents[1] / "line.csv").write_text("x,y,z\n0,0,0.3\n0.2,0,0.3\n")
+    out = ablate(path)
+    edited = wrecker.parent / file
+    edited.write_text(edited.read_text().replace(before, after))
+    capsys.readouterr()
+    assert ablate(path) == out
+    runs = "1 run is" if "plugin" in change else "2 runs are"
+    assert f"star: {runs} flown again: {change}\n" in capsys.readouterr().err
+    assert len((out / "runs.jsonl").read_text().splitlines()) == 2 + int(runs[0])
+
+
+def test_a_killed_study_equals_an_uninterrupted_one() -> None:
+    assert compare(runs=6, kills=[1, 3]) == ""
 
 
 @pytest.mark.usefixtures("wrecker")

@@ -73,19 +73,19 @@ def test_a_measure_is_found_by_its_path(path: str, value: object) -> None:
 def test_numbers_stand_in_full_in_the_table() -> None:
     table = as_csv(a_study("a.b", "c"), results({"a": {"b": 1 / 3}, "c": None}))
     assert table.splitlines() == [
-        "mission,avoider,seed,outcome,reason,a.b,c,wall_time_s",
-        "hop,orca,0,completed,,0.3333333333333333,,1.235",
+        "mission,avoider,seed,outcome,reason,a.b,c",
+        "hop,orca,0,completed,,0.3333333333333333,",
     ]
 
 
 def test_what_is_a_column_already_is_not_there_twice() -> None:
-    heading = as_csv(a_study("outcome", "a", "wall_time_s"), []).splitlines()[0]
-    assert heading == "mission,avoider,seed,outcome,reason,a,wall_time_s"
+    heading = as_csv(a_study("outcome", "a"), []).splitlines()[0]
+    assert heading == "mission,avoider,seed,outcome,reason,a"
 
 
 def test_maps_and_lists_stand_as_json() -> None:
     table = as_csv(a_study("a", "b"), results({"a": {"x": 1}, "b": [True]}))
-    assert table.splitlines()[1] == 'hop,orca,0,completed,,"{""x"": 1}",[true],1.235'
+    assert table.splitlines()[1] == 'hop,orca,0,completed,,"{""x"": 1}",[true]'
 
 
 # results.md

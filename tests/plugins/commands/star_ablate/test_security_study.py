@@ -91,8 +91,6 @@ def test_hostile_rows_of_a_journal_are_flown_again(
     file.write_text("\n".join([*lines, second, ""]))
     assert resume("--quiet") == 0
     after = rows(tmp_path / "out")
-    for row in before + after:
-        del row["wall_time_s"]
     assert after == before
     assert len(file.read_text().splitlines()) == len(lines) + 2
 
@@ -151,9 +149,9 @@ TABLES = [
     b"",
     b"mission\n",
     b"\xff\xfe",
-    b"mission,seed,outcome,reason,wall_time_s\na\n",
-    b"mission,seed,outcome,reason,wall_time_s\na,b,c,d,e,f\n",
-    b"mission,seed,outcome,reason,x,wall_time_s\na,b,c," + b"d" * 200_000 + b",1,2\n",
+    b"mission,seed,outcome,reason\na\n",
+    b"mission,seed,outcome,reason\na,b,c,d,e\n",
+    b"mission,seed,outcome,reason,x\na,b,c," + b"d" * 200_000 + b",1\n",
 ]
 
 

@@ -280,4 +280,4 @@ def test_every_property_of_the_schema_is_described() -> None:
 
 
 def test_the_columns_of_the_results_are_no_names_of_factors() -> None:
-    assert {"mission", "seed", "outcome", "reason", "wall_time_s"} == set(STUDY_COLUMNS)
+    assert {"mission", "seed", "outcome", "reason"} == set(STUDY_COLUMNS)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import re
 import signal
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -70,6 +72,35 @@ def test_ending_a_worker_ends_what_its_plugins_started(
     assert alive(int(started))
     worker.end()
     assert eventually(lambda: not alive(int(started)))
+
+
+FLY = """
+import sys
+from pathlib import Path
+from star_ablate.flight import Job
+from star_ablate.workers import fly_all
+from star_core import Registry, load
+if __name__ == "__main__":
+    mission = load(sys.argv[1], Registry(), ["avoider={use: wrecker, made: 'breed'}"])
+    list(fly_all([Job(mission)], 1, Path(sys.argv[2])))
+"""
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="asks Linux who is alive")
+def test_workers_end_with_their_killed_parent(
+    study: Callable[[str], Path], tmp_path: Path, wrecker: Path
+) -> None:
+    log, script = tmp_path / "log.txt", tmp_path / "fly.py"
+    script.write_text(FLY)
+    command = [sys.executable, str(script), str(study("").parents[1] / "hop.yaml"), str(log)]
+    path = os.pathsep.join([str(wrecker), *sys.path])
+    with subprocess.Popen(command, env=os.environ | {"PYTHONPATH": path}) as parent:
+        (started,) = eventually(
+            lambda: re.findall(r"^\d+$", log.read_text() if log.exists() else "", re.MULTILINE)
+        )
+        worker = int(Path(f"/proc/{started}/stat").read_text().rpartition(")")[2].split()[1])
+        parent.kill()
+    assert eventually(lambda: not alive(worker) and not alive(int(started)))
 
 
 @pytest.mark.parametrize("harm", ["raise", "quit"])

@@ -12,12 +12,12 @@ from star_report.study import FILE, differences, figure, interval, read
 from tests.plugins.commands.star_view.chromium import CHROMIUM, Chromium
 
 TABLE = """\
-mission,avoider,seed,outcome,reason,min_separation_m,targets.list,wall_time_s
-hop.yaml,none,0,completed,,0.1,[],1.0
-hop.yaml,none,1,failed,1 collision,0.2,[],1.0
-hop.yaml,none,2,completed,,,[],1.0
-hop.yaml,<orca>,0,completed,,0.4,[],1.0
-hop.yaml,<orca>,1,completed,,0.6,[],1.0
+mission,avoider,seed,outcome,reason,min_separation_m,targets.list
+hop.yaml,none,0,completed,,0.1,[]
+hop.yaml,none,1,failed,1 collision,0.2,[]
+hop.yaml,none,2,completed,,,[]
+hop.yaml,<orca>,0,completed,,0.4,[]
+hop.yaml,<orca>,1,completed,,0.6,[]
 """
 
 
