@@ -9,6 +9,7 @@ from star_core.toolkit import position_margin, with_possible_positions, yielding
 
 NOTHING = 1e-9  # m or m/s: shorter vectors have no direction
 HORIZON = 1.0  # s, in which repulsion stops an approach, about
+NEAR_GOAL = 0.4  # m/s: planners are slower than that within a quarter of a metre of a goal
 MARGIN = 0.1  # m: an agent nearer than this above or below an obstacle counts as at its height
 
 
@@ -20,7 +21,10 @@ class Potential:
     is at distance ``d < reach`` beyond contact; both agents of a pair are repelled. It is at most
     twice the speed limit, and the resulting velocity is limited to the speed limit. Such fields
     have local minima in which an agent stays: a known property of the method, and the reason for
-    the other avoiders.
+    the other avoiders. For goals beside obstacles not to be such, the repulsion of obstacles,
+    except within the radius, fades with the square of the distance to the goal (Ge and Cui, "New
+    potential functions for mobile robot path planning", IEEE Transactions on Robotics and
+    Automation 16(5), 2000), which shows in the planner's speed.
 
     The distance of contact is enlarged for uncertain positions, at most tripled.
 
@@ -39,13 +43,17 @@ class Potential:
         self._vertical = scene.limits.vertical_separation
         self._uncertainty_margin = scene.limits.uncertainty_margin
         self._speed = scene.limits.speed
-        rows = [
-            (*a, *b, *obstacle.height)
+        self._height = np.array([thing.height for thing in scene.world.obstacles]).reshape(-1, 2)
+        self._edges = [
+            np.array(
+                [
+                    (*a, *b)
+                    for polygon in obstacle.polygons
+                    for a, b in zip(polygon, polygon[1:] + polygon[:1], strict=True)
+                ]
+            )
             for obstacle in scene.world.obstacles
-            for polygon in obstacle.polygons
-            for a, b in zip(polygon, polygon[1:] + polygon[:1], strict=True)
-        ]
-        self._edges = np.array(rows, np.float64).reshape(-1, 6)  # both ends, foot and top
+        ]  # of each obstacle, both ends of its edges, (E, 4) m
 
     def avoid(self, estimate: Estimate, wanted: Setpoint) -> Setpoint:
         n = len(wanted.yaw)
@@ -55,7 +63,9 @@ class Potential:
         position = np.where(located[:, None], estimate.position, 0.0)
         margin = position_margin(estimate.covariance, self._uncertainty_margin, self._radius)
         push = self._from_agents(position, located, margin)
-        push += self._from_obstacles(position, margin)
+        speed = np.hypot(wanted.velocity[:, 0], wanted.velocity[:, 1])
+        away = np.minimum(speed / NEAR_GOAL, 1.0) ** 2
+        push += self._from_obstacles(position, margin, away)
         velocity = wanted.velocity.copy()
         velocity[:, :2] += np.where(pushed[:, None], push, 0.0)
         answer = np.where(pushed[:, None], self._cut(velocity), velocity)
@@ -75,22 +85,23 @@ class Potential:
         strength = np.where(near & ~np.eye(n, dtype=bool), self._strength(distance, 2), 0.0)
         return np.asarray(np.einsum("ij,ijk->ik", strength, direction))
 
-    def _from_obstacles(self, position: Array, margin: Array) -> Array:
-        """(N, 2) repulsion of every obstacle edge at an agent's height, m/s."""
-        a, b = self._edges[:, :2], self._edges[:, 2:4]
-        along = b - a
-        from_a = position[:, None, :2] - a  # (N, E, 2)
-        squared = np.maximum(np.einsum("ek,ek->e", along, along), NOTHING)
-        share = np.clip(np.einsum("nek,ek->ne", from_a, along) / squared, 0.0, 1.0)
-        away = from_a - share[..., None] * along
-        distance = np.linalg.norm(away, axis=2)
+    def _from_obstacles(self, position: Array, margin: Array, away_from_goal: Array) -> Array:
+        """(N, 2) repulsion of the nearest point of each obstacle at an agent's height, m/s.
+
+        It is multiplied by `away_from_goal`, (N,), beyond the radius.
+        """
+        offset = np.zeros((len(position), len(self._edges), 2))
+        for k, edges in enumerate(self._edges):
+            offset[:, k] = _nearest_offset(position[:, :2], edges)
+        distance = np.linalg.norm(offset, axis=2)
         room = distance - self._radius
         near = distance - yielding_margin(margin[:, None], room, HORIZON)
         z = position[:, 2:]
-        beside = (z >= self._edges[:, 4] - MARGIN) & (z <= self._edges[:, 5] + MARGIN)
+        beside = (z >= self._height[:, 0] - MARGIN) & (z <= self._height[:, 1] + MARGIN)
         strength = np.where(beside, self._strength(near, 1), 0.0)
+        strength *= np.where(room > 0.0, away_from_goal[:, None], 1.0)
         return np.asarray(
-            np.einsum("ne,nek->nk", strength, away / np.maximum(distance, NOTHING)[..., None])
+            np.einsum("no,nok->nk", strength, offset / np.maximum(distance, NOTHING)[..., None])
         )
 
     def _strength(self, distance: Array, radii: int) -> Array:
@@ -103,3 +114,14 @@ class Potential:
         """Velocities limited to the speed limit, m/s."""
         speed = np.linalg.norm(velocity, axis=1, keepdims=True)
         return np.asarray(velocity * np.minimum(1.0, self._speed / np.maximum(speed, NOTHING)))
+
+
+def _nearest_offset(point: Array, edges: Array) -> Array:
+    """Return the (N, 2) vectors to points, (N, 2) m, from the nearest points of (E, 4) edges."""
+    a, along = edges[:, :2], edges[:, 2:] - edges[:, :2]
+    from_a = point[:, None] - a  # (N, E, 2)
+    squared = np.maximum(np.vecdot(along, along), NOTHING)
+    share = np.clip(np.vecdot(from_a, along) / squared, 0.0, 1.0)
+    offset = from_a - share[..., None] * along
+    nearest = np.vecdot(offset, offset).argmin(axis=1)
+    return np.asarray(offset[np.arange(len(point)), nearest])

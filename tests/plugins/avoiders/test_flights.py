@@ -105,6 +105,16 @@ def test_orca_passes_closer_to_agents_at_other_heights() -> None:
     assert flown.missing.max() < 0.1
 
 
+@pytest.mark.parametrize("gap", [0.22, 0.3])
+@pytest.mark.parametrize("x", [0.0, 0.3])
+def test_potential_reaches_goals_beside_obstacles(gap: float, x: float) -> None:
+    around = room(1, box(-0.3, -0.3, 0.3, 0.3))
+    start, goal = np.array([[-1.5, 0.9, 0.8]]), np.array([[x, 0.3 + gap, 0.8]])
+    flown = fly(made("potential", around), around, start, goal, 30.0)
+    assert flown.missing.max() < 0.05
+    assert flown.clearance > gap - 0.05
+
+
 @pytest.mark.parametrize(
     "hovering",
     [
