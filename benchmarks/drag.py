@@ -2,7 +2,7 @@
 
 Each flight is an ``.npz`` of the set NanoBench, as `recorded_flights` documents. Printed per flight
 are the deceleration by the air per speed along both axes of the body (least squares over 1 Hz),
-how far means over 1 s are from `star_core.safety.drag_check.DRAG` times the true velocity, and what
+how far means over 1 s are from `star_monitors.drag_check.DRAG` times the true velocity, and what
 `DragCheck` makes of the reported velocity: its greatest evidence, and how long it takes to find the
 flow sensor if the velocity is multiplied by 0.7 from the middle of the flight on.
 """
@@ -20,7 +20,7 @@ from imu_errors import GRAVITY, MARGIN, MIN_HEIGHT, filtered
 from recorded_flights import FOLDER, read
 from scipy.spatial.transform import Rotation
 
-from star_core.safety.drag_check import DRAG, DragCheck
+from star_monitors.drag_check import DRAG, DragCheck
 
 STEPS = 5  # samples between two reports
 WINDOW = 100  # samples over which drag is averaged

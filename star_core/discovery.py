@@ -43,9 +43,14 @@ class Source:
         return f"{distribution} {self.version}:{entry}" if self.version else self.plugin
 
 
+def blocked_plugins() -> str:
+    """Return the names of entry points that the environment blocks, separated by commas."""
+    return os.environ.get(BLOCK_PLUGINS, "")
+
+
 def installed_plugins() -> Iterator[tuple[EntryPoint, Source]]:
     """Yield the entry points of installed plugins that the environment permits, in order."""
-    blocked = os.environ.get(BLOCK_PLUGINS, "").split(",")
+    blocked = blocked_plugins().split(",")
     allowed = os.environ.get(ALLOW_PLUGINS)
     for entry in sorted(entry_points(group=ENTRY_POINT_GROUP)):
         source = _source(entry)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import logging
 import threading
 import time
 from collections.abc import Iterator, Mapping
@@ -25,6 +26,8 @@ from star_core.records.manifest import manifest
 from star_core.tick import ControlLoop, MissionStatus
 from star_core.toolkit.progress import Progress
 from star_core.world.scene import Scene
+
+log = logging.getLogger(__name__)
 
 
 def fly(
@@ -62,6 +65,9 @@ def fly(
         run.observers.start(
             Flight(mission.name, mission.scene, facts, folder, save_frames), operator
         )
+        if text := registry.missing_monitors():
+            log.warning("%s", text)
+            run.observers.event("plugin", text)
         with pipeline.compute_time.watchdog, _short_collections(mission.scene):
             run.fly()
     finally:

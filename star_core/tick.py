@@ -39,11 +39,13 @@ from star_core.pipeline import PluginPipeline
 from star_core.plugin_support.registry import Registry
 from star_core.records.summary import FlightSummary, event_records
 from star_core.safety.agents_in_the_way import GroundedAgents
+from star_core.safety.estimate_gate import EstimateMonitor
 from star_core.safety.filter import SafetyFilter
 from star_core.safety.monitors import (
     Brake,
     Exclude,
     Finding,
+    Misreport,
     Monitor,
     PendingStrikes,
     Report,
@@ -52,6 +54,7 @@ from star_core.safety.monitors import (
     Strike,
     TickState,
     Use,
+    plugin_monitors,
 )
 from star_core.safety.rules import Rules
 from star_core.safety.setpoint_monitor import SetpointMonitor
@@ -105,8 +108,10 @@ class ControlLoop:
         self._safety = SafetyFilter(scene)
         self._uncertain = UncertainAgents(scene, partial(observers.event, "safety"))
         self._vehicles = VehicleInterface(scene, pipeline, observers)
+        report = partial(observers.event, "plugin")
         monitors: tuple[Monitor, ...] = (
-            self._vehicles.estimate_monitor,
+            EstimateMonitor(scene, pipeline.localizer),
+            *plugin_monitors(scene, registry, pipeline.compute_time, report),
             self._vehicles.unheard,
             self._rules,
             self._uncertain,
@@ -217,10 +222,12 @@ class ControlLoop:
                 self._observers.event(kind, text, agent)
             case Strike(kind, reason):
                 self._pipeline.strike(kind, reason)
+            case Misreport():
+                self._vehicles.misreport(finding)
             case Brake():
                 still = np.zeros_like(state.setpoint.active)
                 state.setpoint = replace(state.setpoint, active=still)
-            case Exclude():
+            case Exclude() if self._rules.record(finding):
                 self._exclude(finding, state.estimate)
 
     def _exclude(self, finding: Exclude, estimate: Estimate) -> None:
@@ -230,7 +237,6 @@ class ControlLoop:
         slot = self._assignments.slot(row)
         if fails and slot is not None:
             self._uncertain_landings[slot] = name
-        self._rules.action[row] = action
         self._observers.event("safety", f"{name} {ACTIONS[action]}: {reason}", name)
         self._assignments.vacate([row])
         goals = GoalDraft(self._goals)
@@ -279,7 +285,7 @@ class ControlLoop:
     def stop_locating(self) -> None:
         """Stop calling the localizer, which may have failed: no agent is located any more."""
         self._vehicles.stop_locating()
-        self._monitors[Stage.LOCATED].remove(self._vehicles.estimate_monitor)
+        self._monitors[Stage.LOCATED] = [self._vehicles.unheard]
 
     def give_up(self, error: PluginError) -> str:
         """Return what failed when all agents cannot be landed either, as `error` reports."""

@@ -17,8 +17,8 @@ from star_core.phases import Phases
 from star_core.pipeline import PluginPipeline, renewed
 from star_core.plugin_support.tick_timing import TickTiming
 from star_core.safety.agents_in_the_way import FALL_TIME, MAX_REPORT_AGE, UnheardAgents
-from star_core.safety.estimate_monitor import EstimateMonitor
 from star_core.safety.ground_evidence import ON_BOARD, GroundEvidence
+from star_core.safety.monitors import Misreport
 from star_core.targets import Targets
 from star_core.world.scene import Scene
 
@@ -50,7 +50,6 @@ class VehicleInterface:
         down_by: Time at which the last of all landings so far ends, s.
         ground: What shows that agents are on the ground.
         timing: Lateness of the ticks.
-        estimate_monitor: Finds estimates that contradict what agents report.
         unheard: Where agents may be that are not heard.
     """
 
@@ -73,7 +72,8 @@ class VehicleInterface:
         self._until = np.zeros(n)  # s, earliest end of what a commander flies
         self._climbs = np.zeros(n)  # s, latest end of a climb
         self._setpoints_sent = np.zeros(n, np.bool_)  # in the last tick
-        self.estimate_monitor = EstimateMonitor(scene, pipeline.localizer)
+        self._missing = self._no_velocity = frozen(np.zeros((n, 3)))  # m/s, true less reported
+        self._drifts = self._none = frozen(np.zeros(n, np.bool_))
         self.unheard = UnheardAgents(n, scene.limits)
         self._heard = np.ones(n, np.bool_)
         self._height = np.full(n, np.nan)  # m, as reported
@@ -112,6 +112,7 @@ class VehicleInterface:
             estimate = replace(renewed(self.estimate, telemetry.time), valid=unlocated)
         else:
             estimate = self._pipeline.locate(telemetry)
+            self._missing, self._drifts = self._no_velocity, self._none
             if len(estimate.corrections.agent):
                 self._pipeline.correct(estimate.corrections)
         self._heard = telemetry.age <= MAX_REPORT_AGE
@@ -137,6 +138,11 @@ class VehicleInterface:
         )
         self.report_phases()
         return health
+
+    def misreport(self, finding: Misreport) -> None:
+        """Note what agents do not report in this tick; that of several monitors adds up."""
+        self._missing = self._missing + finding.missing
+        self._drifts = self._drifts | finding.drifts
 
     def stop_locating(self) -> None:
         """Stop calling the localizer, which has failed: from now on no agent is located."""
@@ -213,12 +219,10 @@ class VehicleInterface:
     def drifts(self) -> Mask:
         """Return which agents would drift in a landing, and can be brought down by setpoints: (N,).
 
-        Their flow sensors see no motion: on board, they hold a velocity that is not zero.
+        By a `Misreport` they would hold, on board, a velocity that is not zero.
         """
         steerable = self._setpoints_sent & self._heard & self.phases.among(AgentPhase.LOST)
-        drifts: Mask = (
-            steerable & self.estimate_monitor.sees_no_motion & (self._height > TOUCHDOWN_HEIGHT)
-        )
+        drifts: Mask = steerable & self._drifts & (self._height > TOUCHDOWN_HEIGHT)
         return drifts
 
     def descend(self, rows: Iterable[int]) -> None:
@@ -279,7 +283,7 @@ class VehicleInterface:
         self._setpoints_sent = setpoint.active | brakes
         if not some(brakes):
             return setpoint
-        rest = self.estimate_monitor.rest_velocity(estimate.map_from_odom)
+        rest = 0.0 - estimate.map_from_odom.turn(self._missing)  # m/s, at which agents are at rest
         limit = self._scene.limits.speed
         rest[self._descending, 2] = -min(DESCENT_SPEED, limit)
         level = np.sqrt(limit**2 - rest[:, 2:] ** 2)  # m/s, that the descent leaves

@@ -3,6 +3,7 @@
 import gc
 import os
 import sys
+import tomllib
 from collections.abc import Callable, Generator, Iterator
 from functools import cache
 from importlib.metadata import EntryPoints, entry_points
@@ -122,6 +123,15 @@ def with_plugin(monkeypatch: pytest.MonkeyPatch) -> Callable[[object], None]:
         monkeypatch.setattr("star_core.plugin_support.registry.Registry", lambda: registry)
 
     return add
+
+
+def pytest_configure() -> None:
+    """Refuse to test an editable installation that lacks plugins of ``pyproject.toml``."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    declared = {*project["entry-points"][discovery.ENTRY_POINT_GROUP]}
+    if missing := declared - entry_points(group=discovery.ENTRY_POINT_GROUP).names:
+        text = f"not installed: {', '.join(sorted(missing))}; run `pip install -e . --no-deps`"
+        raise pytest.UsageError(text)
 
 
 def pytest_collectstart() -> None:

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
         FormatSpec,
         KindSpec,
         LocalizerSpec,
+        MonitorSpec,
         PlannerSpec,
         RunOptionSpec,
         TaskSpec,
@@ -89,6 +90,26 @@ def star_avoiders(registry: Registry) -> Iterable[AvoiderSpec]:  # type: ignore[
 @hookspec
 def star_tasks(registry: Registry) -> Iterable[TaskSpec]:  # type: ignore[empty-body]
     """Offer tasks: verbs of the mission language, each under its own name."""
+
+
+@hookspec
+def star_monitors(registry: Registry) -> Iterable[MonitorSpec]:  # type: ignore[empty-body]
+    """Offer monitors: safety checks after the stages of each tick, in every flight.
+
+    Example:
+        >>> from star_core import hookimpl
+        >>> from star_core.toolkit import MonitorSpec, Report, Stage
+        >>> class Ceiling:
+        ...     after = Stage.LOCATED
+        ...     def __init__(self, scene):
+        ...         self._names = scene.names
+        ...     def check(self, state):
+        ...         for row in (state.estimate.position[:, 2] > 2.0).nonzero()[0]:
+        ...             yield Report("ceiling", "it flies above 2 m", self._names[row])
+        >>> @hookimpl
+        ... def star_monitors():
+        ...     yield MonitorSpec(name="ceiling", summary="Reports high agents.", make=Ceiling)
+    """
 
 
 @hookspec

@@ -14,7 +14,7 @@ import numpy as np
 
 from star_core.errors import ContractError
 from star_core.messages.arrays import Mask, Rows, Table, every, require_rows, require_type
-from star_core.messages.state import Estimate, Plan, Setpoint, Truth
+from star_core.messages.state import Estimate, Goals, Plan, Setpoint, Truth
 from star_core.messages.telemetry import Telemetry
 
 TIME_TOLERANCE: Final = 1e-3  # s; clocks of computers have a resolution
@@ -103,6 +103,14 @@ def checked_plan(answer: object, n: int) -> Plan:
     if not isinstance(plan.reasons, Mapping):
         raise ContractError(f"Plan.reasons is {plan.reasons!r}, expected a map from row to text")
     return plan
+
+
+def checked_goals(answer: object, n: int) -> Goals:
+    """Return goals of `n` rows, finite where they are active; raise `ContractError`."""
+    goals = require_type(answer, Goals)
+    require_rows(goals, len(goals.position), n)
+    _require_finite(goals, "Goals.{}", ("position", "velocity", "yaw", "speed"), goals.active)
+    return goals
 
 
 def checked_setpoint(answer: object, n: int) -> Setpoint:

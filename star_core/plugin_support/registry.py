@@ -10,7 +10,7 @@ from typing import Any
 
 import pluggy
 
-from star_core.discovery import Source, installed_plugins
+from star_core.discovery import BLOCK_PLUGINS, Source, blocked_plugins, installed_plugins
 from star_core.errors import InputError, PluginError, suggestion
 from star_core.plugin_support import hookspecs
 from star_core.plugin_support.guard import PluginGuard
@@ -57,6 +57,7 @@ class Registry:
         self._failed: dict[str, BaseException] = {}
         self._origins: dict[int, Found] = {}  # by the `id` of the record
         self._plugins: dict[str, dict[str, list[Found]]] = {}
+        self._installed = installed
         for entry, source in installed_plugins() if installed else ():
             try:
                 self._register(entry.load(), source)
@@ -191,6 +192,16 @@ class Registry:
     def names(self, kind: str) -> tuple[str, ...]:
         """Return every name of a kind, in alphabetical order."""
         return tuple(sorted(self._plugins.get(kind, ())))
+
+    def missing_monitors(self) -> str:
+        """Return why no flight has the monitors that come with STAR; empty if all have them."""
+        monitors = self._plugins["monitor"].values()
+        if not self._installed or any(plugin.source.own for of in monitors for plugin in of):
+            return ""
+        why = [f"{BLOCK_PLUGINS} is {blocked!r}"] if (blocked := blocked_plugins()) else []
+        broken = ((source, text) for source, text in self.broken.items() if source.own)
+        why += [f"plugin {source} was left out: {text}" for source, text in broken]
+        return f"the flight goes without the monitors that come with STAR: {'; '.join(why)}"
 
     def observers(self) -> dict[str, object]:
         """Return the plugins that observe flights by name, in the order of registration."""

@@ -16,9 +16,10 @@ from star_core.errors import Problem, SourceFile
 if TYPE_CHECKING:
     from argparse import ArgumentParser, Namespace
 
-    from star_core import Agent, Mission, Registry, World
+    from star_core import Agent, Mission, Registry, Scene, World
     from star_core.contracts import Avoider, Localizer, Planner, Task, Transport
     from star_core.messages.arrays import Array
+    from star_core.toolkit import Monitor
 
 
 class StepGoal(NamedTuple):
@@ -227,6 +228,17 @@ class TaskSpec(MissionSpec):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class MonitorSpec(Spec):
+    """Announces a monitor: it checks every flight, whatever the mission.
+
+    Attributes:
+        make: ``make(scene)`` returns it. Import heavy packages in it; `deferred` does.
+    """
+
+    make: Callable[[Scene], Monitor]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class CommandSpec(Spec):
     """Announces a command.
 
@@ -337,6 +349,7 @@ SPECS: Mapping[str, type[Spec]] = {
     "planner": PlannerSpec,
     "avoider": AvoiderSpec,
     "task": TaskSpec,
+    "monitor": MonitorSpec,
     "command": CommandSpec,
     "run_option": RunOptionSpec,
     "format": FormatSpec,

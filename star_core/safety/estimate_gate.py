@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
@@ -12,7 +12,10 @@ import numpy as np
 from star_core.messages.arrays import Array, Mask, every, frozen
 from star_core.messages.rotations import Transform
 from star_core.messages.state import Estimate
+from star_core.safety.agents_in_the_way import MAX_REPORT_AGE
+from star_core.safety.monitors import Report, Stage, TickState, Use
 from star_core.toolkit.jit import compiled
+from star_core.world.scene import Scene
 
 SPOILED_TIME: Final = 1.0  # s without an implausible report, after which reports are used again
 
@@ -40,6 +43,56 @@ CORRECTION_SIGMAS: Final = 4.0  # standard deviations by which a position may be
 SPEED_RATIO: Final = 2.0  # greatest plausible speed over the limit: overshoot, gusts, descents
 REPORT_ERROR: Final = 0.3  # greatest error of a reported velocity, relative to it
 MIN_PLAUSIBLE_SPEED: Final = 3.0  # m/s, whatever the limit: on-board trajectories, falls
+
+
+class EstimateMonitor:
+    """Rejects estimates that contradict what agents report, so that these agents brake.
+
+    Args:
+        scene: Agents and limits.
+        localizer: Names the localizer in reports.
+    """
+
+    after = Stage.LOCATED
+
+    def __init__(self, scene: Scene, localizer: str) -> None:
+        self._names = scene.names
+        self._localizer = localizer
+        self._gate = EstimateGate(len(scene.agents), scene.limits.speed)
+        self._frames = Transform(  # last known
+            np.array([agent.yaw for agent in scene.agents]),
+            np.array([agent.start for agent in scene.agents]),
+        )
+
+    def check(self, state: TickState) -> Iterator[Report | Use]:
+        """Yield the estimate without implausible positions, and reports of new ones.
+
+        Agents whose frames are not finite have the last known ones.
+        """
+        estimate, telemetry = state.estimate, state.telemetry
+        if estimate.map_from_odom is not self._frames:
+            if not estimate.map_from_odom.all_known:
+                frames = estimate.map_from_odom.where(estimate.map_from_odom.known, self._frames)
+                estimate = replace(estimate, map_from_odom=frames)
+            self._frames = estimate.map_from_odom
+        heard = telemetry.age <= MAX_REPORT_AGE
+        accepted, jumps = self._gate.check(
+            estimate, state.airborne, heard, telemetry.velocity, telemetry.position
+        )
+        for jump in jumps:
+            yield Report("estimate", self._of_jump(jump), self._names[jump.row])
+        if accepted is not state.estimate:
+            yield Use("estimate", accepted)
+
+    def _of_jump(self, jump: Jump) -> str:
+        moved = (
+            f"moved {jump.distance:.2f} m in {jump.seconds:.2f} s, expected at most "
+            f"{jump.plausible:.2f} m"
+        )
+        if np.isnan(jump.plausible):
+            moved = f"did not change while it reported {jump.distance:.2f} m of flight,"
+        name = self._names[jump.row]
+        return f"{name} brakes: its estimated position {moved} from {self._localizer}"
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,15 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import logging
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from enum import Enum, IntEnum
 from typing import Literal, NamedTuple, Protocol, TypeAlias
 
-from star_core.messages.arrays import Mask, Rows
+import numpy as np
+
+from star_core.errors import ContractError, PluginError
+from star_core.messages.arrays import Array, Mask, Rows
 from star_core.messages.state import AIRBORNE, Estimate, Goals, Health, Setpoint, among
 from star_core.messages.telemetry import Telemetry
-from star_core.plugin_support.guard import Strikes
+from star_core.plugin_support.compute_time import ComputeTime
+from star_core.plugin_support.guard import PluginGuard, Strikes, require_signature
+from star_core.plugin_support.option_schema import PIPELINE_KINDS
+from star_core.plugin_support.outputs import checked_estimate, checked_goals, checked_setpoint
+from star_core.plugin_support.registry import Found, Registry
+from star_core.world.scene import Scene
+
+log = logging.getLogger(__name__)
 
 
 class Stage(Enum):
@@ -111,7 +122,21 @@ class Brake(NamedTuple):
     """All agents brake in this tick."""
 
 
-Finding: TypeAlias = Report | Use | Exclude | Strike | Brake
+class Misreport(NamedTuple):
+    """Velocities that agents do not report, in this tick; without any, zero.
+
+    To rest they are commanded the opposite velocities.
+
+    Attributes:
+        missing: (N, 3) true less reported velocities, m/s in the odometry frames.
+        drifts: (N,) agents that would drift if they landed on board: setpoints bring them down.
+    """
+
+    missing: Array
+    drifts: Mask
+
+
+Finding: TypeAlias = Report | Use | Exclude | Strike | Brake | Misreport
 
 
 class Monitor(Protocol):
@@ -143,3 +168,81 @@ class PendingStrikes:
     def check(self, state: TickState) -> Iterable[Brake]:
         """Return that all agents brake, after a failure."""
         return (Brake(),) if self._strikes.pending else ()
+
+
+class PluginMonitor:
+    """A monitor that a plugin adds: guarded, timed, and its findings checked.
+
+    One that fails is named and dropped for the rest of the flight, which goes on without it.
+
+    Args:
+        plugin: Announces the monitor.
+        scene: What it is made with.
+        compute_time: Measures it.
+        report: Receives the text of an event.
+    """
+
+    def __init__(
+        self, plugin: Found, scene: Scene, compute_time: ComputeTime, report: Callable[[str], None]
+    ) -> None:
+        name = f"monitor {plugin.offer.name!r} ({plugin.source})"
+        self._n, self._report = len(scene.agents), report
+        self._guard = PluginGuard(name, compute_time.of(name, quiet=plugin.source.own))
+        self.after = Stage.LOCATED
+        self._failure: PluginError | None = None
+        self._dropped = False
+        try:
+            with PluginGuard(name):
+                self._monitor: Monitor = plugin.offer.make(scene)
+                require_signature(self._monitor.check, "check", ("state",))
+                self.after = Stage(self._monitor.after)
+        except PluginError as error:
+            self._failure = error  # reported in flight
+
+    def check(self, state: TickState) -> Iterable[Finding]:
+        """Return the findings; none if the monitor fails."""
+        if self._dropped:
+            return ()
+        try:
+            if self._failure is not None:
+                raise self._failure
+            with self._guard:
+                return [checked_finding(it, self._n) for it in self._monitor.check(state)]
+        except PluginError as error:
+            self._dropped = True
+            text = f"the flight goes on without a monitor: {error}"
+            log.warning("%s", text)
+            self._report(text)
+        return ()
+
+
+def plugin_monitors(
+    scene: Scene, registry: Registry, compute_time: ComputeTime, report: Callable[[str], None]
+) -> Iterator[PluginMonitor]:
+    """Yield the monitors of all plugins; the arguments are those of `PluginMonitor`."""
+    for kind, plugin in registry:
+        if kind == "monitor":
+            yield PluginMonitor(plugin, scene, compute_time, report)
+
+
+def checked_finding(finding: Finding, n: int) -> Finding:
+    """Return a finding of a plugin about `n` agents; raise `ContractError`."""
+    match finding:
+        case Use("estimate" | "visible", table):
+            checked_estimate(table, n)
+        case Use("goals", table):
+            checked_goals(table, n)
+        case Use("setpoint", table):
+            checked_setpoint(table, n)
+        case Exclude(row, SafetyAction()) if 0 <= row < n:
+            pass
+        case Strike(kind) if kind in PIPELINE_KINDS:
+            pass
+        case Misreport(missing, drifts):
+            if missing.shape != (n, 3) or not np.isfinite(missing).all() or drifts.shape != (n,):
+                raise ContractError(f"{finding} has not finite rows of {n} agents")
+        case Report() | Brake():
+            pass
+        case _:
+            raise ContractError(f"check() yields {finding!r}, expected a finding")
+    return finding

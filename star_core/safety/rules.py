@@ -48,17 +48,25 @@ class Rules:
 
     def violators(self, time: float, estimate: Estimate, health: Health) -> list[Exclude]:
         """Return the agents that violate a rule from a mission time on, s."""
-        new = []
+        new: list[Exclude] = []
         for name, rule in self._rules.items():
             violated, duration, reasons = self._violations(name, rule, estimate, health)
             since = np.where(violated, np.fmin(self._since[name], time), np.nan)
             self._since[name] = since
             fires = violated & (time - since >= duration)
             action = SafetyAction[rule["then"].upper()]
-            for row in np.flatnonzero(fires & (self.action < action)).tolist():
-                self.action[row] = action
-                new.append(Exclude(row, action, f"{name}: {reasons[row]}"))
+            new += [
+                Exclude(row, action, f"{name}: {reasons[row]}")
+                for row in np.flatnonzero(fires & (self.action < action)).tolist()
+            ]
         return new
+
+    def record(self, finding: Exclude) -> bool:
+        """Note the action of a finding; return whether it replaces a milder one."""
+        milder = bool(self.action[finding.row] < finding.action)
+        if milder:
+            self.action[finding.row] = finding.action
+        return milder
 
     def reset(self, row: int) -> None:
         """Cancel the action for an agent that is fit again."""

@@ -15,6 +15,7 @@ from star_core.geometry.obstacles import obstacle_meshes as obstacle_meshes
 from star_core.inner_plugins import check_inner as check_inner
 from star_core.inner_plugins import make_inner as make_inner
 from star_core.messages.arrays import frozen as frozen
+from star_core.messages.arrays import some as some
 from star_core.messages.faults import Fault as Fault
 from star_core.messages.position_margin import ALONE_SHARE as ALONE_SHARE
 from star_core.messages.position_margin import MAX_MARGIN_RATIO as MAX_MARGIN_RATIO
@@ -40,6 +41,7 @@ from star_core.plugin_support.guard import PluginGuard as PluginGuard
 from star_core.plugin_support.option_schema import fill_defaults as fill_defaults
 from star_core.plugin_support.specs import Exclusive as Exclusive
 from star_core.plugin_support.specs import KindSpec as KindSpec
+from star_core.plugin_support.specs import MonitorSpec as MonitorSpec
 from star_core.plugin_support.specs import Spec as Spec
 from star_core.records.study_results import STUDY_COLUMNS as STUDY_COLUMNS
 from star_core.records.study_results import StudyFlight as StudyFlight
@@ -50,6 +52,16 @@ from star_core.rehearsal import Outcome as Outcome
 from star_core.rehearsal import Rehearsal as Rehearsal
 from star_core.rehearsal import RehearsedStep as RehearsedStep
 from star_core.safety.ground_evidence import GroundEvidence as GroundEvidence
+from star_core.safety.monitors import Brake as Brake
+from star_core.safety.monitors import Exclude as Exclude
+from star_core.safety.monitors import Misreport as Misreport
+from star_core.safety.monitors import Monitor as Monitor
+from star_core.safety.monitors import Report as Report
+from star_core.safety.monitors import SafetyAction as SafetyAction
+from star_core.safety.monitors import Stage as Stage
+from star_core.safety.monitors import Strike as Strike
+from star_core.safety.monitors import TickState as TickState
+from star_core.safety.monitors import Use as Use
 from star_core.toolkit.camera_model import CameraModel as CameraModel
 from star_core.toolkit.camera_model import distort as distort
 from star_core.toolkit.camera_model import perspective as perspective

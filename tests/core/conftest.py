@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 
 import star_core as star
+import star_monitors
 import star_yaml
 from star_core import (
     AgentPhase,
@@ -180,7 +181,7 @@ class Lab:
         self.events: list[star.Event] = []
         self.phases: list[tuple[float, str | None, str]] = []
         self.summaries: list[Mapping[str, Any]] = []
-        self.registry = Registry(star_yaml, installed=False)
+        self.registry = Registry(star_yaml, star_monitors, installed=False)
         self.registry.add(self, Source("their-dist:lab", "1.2"))
         self._folder = folder
         self._wrong: dict[tuple[str, str], Callable[..., Any]] = {}

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from functools import partial
 from typing import TYPE_CHECKING
 
-from star_core import deferred, hookimpl
+from star_core import Problem, deferred, hookimpl
 from star_core.commands import CommandSpec
 
 if TYPE_CHECKING:
@@ -64,3 +64,9 @@ def star_commands(registry: Registry) -> Iterator[CommandSpec]:
         run=deferred("star_basics.list_plugins:run"),
         group="Plugins",
     )
+
+
+@hookimpl
+def star_check(registry: Registry) -> Iterator[Problem]:
+    if text := registry.missing_monitors():
+        yield Problem((), text, "missing-monitors", warning=True)

@@ -16,7 +16,7 @@ from star_core.commands import writing
 
 KINDS: Final = (
     "avoider", "planner", "localizer", "transport", "verb",
-    "external-planner", "observer", "command",
+    "external-planner", "monitor", "observer", "command",
 )  # fmt: skip
 NAME: Final = re.compile("[a-z][a-z0-9]*([_-][a-z0-9]+)*")
 

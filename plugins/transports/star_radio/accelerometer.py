@@ -1,7 +1,7 @@
 """The accelerometer reports of one drone, in a log block of their own: ``acc.x`` and ``acc.y``.
 
 They do not fit into the packet of the state reports, and are needed less often: the check of the
-velocity by the drag of the air (`star_core.safety.drag_check`) averages over a second. A drone
+velocity by the drag of the air (`star_monitors.drag_check`) averages over a second. A drone
 whose firmware refuses the block flies without that check.
 """
 

@@ -50,7 +50,7 @@ def judged(
         none = np.zeros(2, np.bool_)
         state = TickState(flight_telemetry(scene(2), time, none, none), where.phase, none)
         state.estimate, state.health = well, where
-        fired += [(round(time, 6), f.row, f.action) for f in watch.check(state)]
+        fired += [(round(time, 6), f.row, f.action) for f in watch.check(state) if watch.record(f)]
     return fired
 
 

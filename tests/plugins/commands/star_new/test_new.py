@@ -56,7 +56,7 @@ def test_new_plugins_of_every_kind_pass_their_own_tests(tmp_path: Path) -> None:
         check=False,
     )
     assert tests.returncode == 0, tests.stdout + tests.stderr
-    assert "15 passed" in tests.stdout
+    assert "17 passed" in tests.stdout
 
 
 def test_a_new_observer_sees_a_flight_that_is_not_recorded(

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from star_core import Array, Telemetry
-from star_core.safety.drag_check import DRAG
-from star_core.safety.motion_check import GRAVITY, MotionCheck
 from star_core.toolkit import quaternion_from_euler
+from star_monitors.drag_check import DRAG
+from star_monitors.motion_check import GRAVITY, MotionCheck
 
 PERIOD = 0.05  # s
 BEGUN = 2.0  # s, when something goes wrong

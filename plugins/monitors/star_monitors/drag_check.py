@@ -7,9 +7,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from star_core.messages.arrays import Array, Mask, frozen
-from star_core.messages.telemetry import Telemetry
-from star_core.toolkit.jit import compiled, subroutine
+from star_core import Array, Mask, Telemetry
+from star_core.toolkit import compiled, frozen, subroutine
 
 DRAG: Final = 0.40
 """Deceleration by the air per speed, 1/s: 0.36 to 0.42 in 21 recorded flights of Crazyflies, whose

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from star_core import Telemetry
-from star_core.safety.drag_check import DRAG, DragCheck
 from star_core.toolkit import quaternion_from_euler
+from star_monitors.drag_check import DRAG, DragCheck
 
 PERIOD = 0.05  # s
 BEGUN = 6.0  # s, when something goes wrong

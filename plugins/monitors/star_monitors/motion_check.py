@@ -7,10 +7,9 @@ from typing import Any, Final
 
 import numpy as np
 
-from star_core.messages.arrays import Array, Mask, frozen, some
-from star_core.messages.telemetry import Telemetry
-from star_core.safety.drag_check import DRAG
-from star_core.toolkit.jit import compiled
+from star_core import Array, Mask, Telemetry
+from star_core.toolkit import compiled, frozen, some
+from star_monitors.drag_check import DRAG
 
 GRAVITY: Final = 9.81  # m/s²
 
