@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import combinations, count, islice, product
+from itertools import combinations, count, islice
 from pathlib import Path
 from typing import Any, Final, TypeAlias
 
+from star_ablate import design
 from star_ablate.basis import Basis
 from star_ablate.study import Condition, Study
 from star_core import InputError, Mission, Problem, Registry, load
@@ -67,7 +68,11 @@ def study_of(document: SourceFile, registry: Registry, seeds: int | None = None)
     path, data = document.path, document.data
     factors: Factors = data.get("factors", {})
     files = [path.parent / name for name in data["missions"]]
-    problems = [*_file_problems(path, files, data["missions"]), *_factor_problems(factors)]
+    problems = [
+        *_file_problems(path, files, data["missions"]),
+        *_factor_problems(factors),
+        *design.problems(data, [file.stem for file in files]),
+    ]
     if seeds is not None and data.get("seeds") == OWN:
         why = f"each mission flies with its {OWN!r} seed, so --seeds {seeds} has no effect"
         problems.append(Problem(("seeds",), why, "option-conflict"))
@@ -76,7 +81,7 @@ def study_of(document: SourceFile, registry: Registry, seeds: int | None = None)
     return Study(
         name=data["name"],
         factors=tuple(factors),
-        conditions=tuple(_conditions(files, factors, registry, document)),
+        conditions=tuple(_conditions(files, registry, document)),
         seeds=_seeds(data.get("seeds", SEEDS), seeds),
         measures=tuple(data.get("measures", MEASURES)),
         time_limit=data.get("time_limit"),
@@ -128,9 +133,7 @@ def _factor_problems(factors: Factors) -> Iterator[Problem]:
                     yield Problem(("factors", second, level, path), wrong, "option-conflict")
 
 
-def _conditions(
-    files: Sequence[Path], factors: Factors, registry: Registry, document: SourceFile
-) -> list[Condition]:
+def _conditions(files: Sequence[Path], registry: Registry, document: SourceFile) -> list[Condition]:
     """Load every mission at every combination of levels.
 
     A problem at all levels of a mission is reported once, one at some with the first of those.
@@ -138,13 +141,14 @@ def _conditions(
     conditions = []
     problems: list[str] = []
     basis = Basis(registry)
-    combos = [dict(zip(factors, names, strict=True)) for names in product(*factors.values())]
-    with Progress("checking", len(files) * len(combos), unit="missions") as progress:
-        for file in files:
+    combos_by_file = {file: design.combinations(document.data, file.stem) for file in files}
+    total = sum(map(len, combos_by_file.values()))
+    with Progress("checking", total, unit="missions") as progress:
+        for file, combos in combos_by_file.items():
             labels_by_problem: dict[str, list[str]] = {}
             for levels in combos:
                 try:
-                    mission = _load(file, levels, factors, registry, document)
+                    mission = _load(file, levels, registry, document)
                     conditions.append(Condition(file.stem, levels, mission, basis.of(mission)))
                 except InputError as error:
                     label = ", ".join(f"{name}: {level}" for name, level in levels.items())
@@ -167,13 +171,10 @@ def _with_level(problem: str, level: str) -> str:
 
 
 def _load(
-    file: Path,
-    levels: Mapping[str, str],
-    factors: Factors,
-    registry: Registry,
-    document: SourceFile,
+    file: Path, levels: Mapping[str, str], registry: Registry, document: SourceFile
 ) -> Mission:
     """Load a mission with the overrides of its levels, whose problems are located in the study."""
+    factors: Factors = document.data.get("factors", {})
     settings = {
         f"{path}={json.dumps(value)}": ("factors", name, level, path)
         for name, level in levels.items()

@@ -45,6 +45,52 @@ def test_every_combination_of_missions_and_levels_is_a_condition(
     ]
 
 
+TWO = """\
+missions: [../hop.yaml, ../jump.yaml]
+seeds: 1
+factors:
+  avoider: {none: {}, orca: {avoider: orca}}
+  rate: {slow: {rate: 10}, fast: {rate: 20}}
+"""
+
+
+def test_excluded_combinations_are_not_flown(
+    study: Callable[[str], Path], registry: Registry
+) -> None:
+    excluded = "exclude: [{avoider: orca, rate: fast}, {mission: jump, rate: slow}]\n"
+    names = [condition.names for condition in read(study(TWO + excluded), registry).conditions]
+    assert names == [
+        ("hop", "none", "slow"),
+        ("hop", "none", "fast"),
+        ("hop", "orca", "slow"),
+        ("jump", "none", "fast"),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("exclude: [{avoidr: orca}]", "8:20: no factor named 'avoidr'; did you mean 'avoider'?"),
+        ("exclude: [{rate: medium}]", "8:18: no level of 'rate' named 'medium'; there are: slow"),
+        ("baseline: {mission: jmp}", "8:21: no mission named 'jmp'; did you mean 'jump'?"),
+        ("exclude: [{mission: hop}]", "8:10: every combination of mission 'hop' is excluded"),
+        (
+            "exclude: [{avoider: orca}]\nbaseline: {avoider: orca}",
+            "9:11: every such combination is excluded",
+        ),
+        (
+            "baseline: {mission: hop}\npair: seed and mission",
+            "8:21: the missions are pooled by `pair: seed and mission`",
+        ),
+    ],
+)
+def test_impossible_designs_are_refused(
+    text: str, problem: str, study: Callable[[str], Path], registry: Registry
+) -> None:
+    (message,) = problems(study(f"{TWO}{text}\n"), registry)
+    assert message.startswith(problem)
+
+
 def test_a_level_sets_its_values_and_nothing_else(
     study: Callable[[str], Path], registry: Registry
 ) -> None:
