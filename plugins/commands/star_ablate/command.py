@@ -14,9 +14,10 @@ from types import FrameType
 from typing import Final
 
 from star_ablate.flight import Job, Result
-from star_ablate.journal import Journal, StudyProgress
+from star_ablate.journal import JOURNAL, Journal, StudyProgress
 from star_ablate.reading import read
 from star_ablate.results import as_markdown, paths, study_results
+from star_ablate.shards import ABOUT, Shard, merged, require_shard, shard
 from star_ablate.study import Run, Study
 from star_ablate.workers import fly_all
 from star_core import InputError, Registry
@@ -30,7 +31,6 @@ from star_core.commands import (
 )
 from star_core.toolkit import STUDY_COLUMNS, Progress, StudyResults, log, suggestion
 
-JOURNAL: Final = "runs.jsonl"
 TABLE: Final = "results.md"
 DONE, INTERRUPTED = 0, 1  # exit status; bad input is 2, as with every command
 
@@ -41,10 +41,18 @@ def run(options: argparse.Namespace, registry: Registry) -> int:
     Raises:
         InputError: The study cannot be flown, or its folder cannot be written.
     """
+    if options.merge and options.shard != Shard():
+        raise InputError("--shard flies runs and --merge flies none; give one", "option-conflict")
     study = _checked(Path(options.study), registry, options.seeds)
     folder = output_folder(options.out, study.name, JOURNAL)
-    with writing(folder):
-        flown = _ablate(study, folder, options.workers, record=options.record)
+    if options.merge:
+        flown = _merge(study, folder, [Path(name) for name in options.merge])
+    else:
+        require_shard(folder, options.shard)
+        with writing(folder):
+            flown = _fly(
+                study, folder, options.workers, chosen=options.shard, record=options.record
+            )
     if not options.quiet:
         table = (folder / TABLE).read_text(encoding="utf-8")
         sys.stdout.write(f"{table}\nresults: {folder}\n{write_report(folder, registry)}\n")
@@ -56,7 +64,7 @@ def fly_study(path: Path, folder: Path, workers: int | None, registry: Registry)
     study = _checked(path, registry)
     folder = output_folder(str(folder), study.name, JOURNAL)
     with writing(folder):
-        return _ablate(study, folder, workers or _cores())
+        return _fly(study, folder, workers or _cores())
 
 
 def _checked(path: Path, registry: Registry, seeds: int | None = None) -> Study:
@@ -87,22 +95,27 @@ def configure(line: argparse.ArgumentParser) -> None:
     line.add_argument(
         "--out", metavar="DIR", help="output folder; resumes its study (runs/TIME-STUDY)"
     )
+    line.add_argument(
+        "--shard",
+        type=shard,
+        default=Shard(),
+        metavar="I/N",
+        help="fly the runs I, I + N, ... only, for several machines",
+    )
+    line.add_argument(
+        "--merge", nargs="+", metavar="DIR", help="fly nothing: join the folders of all shards"
+    )
     line.add_argument("--record", action="store_true", help="keep the record of every run")
     line.add_argument("--quiet", action="store_true", help="print no table and write no report")
 
 
-def _ablate(study: Study, folder: Path, workers: int, *, record: bool = False) -> StudyResults:
+def _fly(
+    study: Study, folder: Path, workers: int, *, chosen: Shard | None = None, record: bool = False
+) -> StudyResults:
     """Fly the runs that are missing in `folder`, write the tables, and return the results."""
-    folder.mkdir(parents=True, exist_ok=True)
-    plugins = {str(choice) for c in study.conditions for choice in c.mission.plugins.values()}
-    about = {
-        "study": study.data,
-        "seeds": study.seeds,
-        "plugins": sorted(plugins),
-        **software(),
-    }
-    replace_file(folder / "study.json", json.dumps(about, indent=2) + "\n")
-    runs = list(study.runs())
+    chosen = chosen or Shard()
+    _begin(study, folder, chosen)
+    runs = chosen.of(list(study.runs()))
     with closing(Journal(folder / JOURNAL)) as journal, _interrupts() as interrupts:
         results_by_key = {run.key: journal.done[run.key] for run in runs if run.key in journal.done}
         missing = [run for run in runs if run.key not in results_by_key]
@@ -119,13 +132,52 @@ def _ablate(study: Study, folder: Path, workers: int, *, record: bool = False) -
                 journal.add(missing[index], result)
                 progress.add(missing[index], result)
     done = [(run, results_by_key[run.key]) for run in runs if run.key in results_by_key]
-    flown = study_results(done, interrupted=bool(interrupts))
+    flown = _write_tables(study, folder, done, interrupted=bool(interrupts))
+    if interrupts:
+        sys.stderr.write(f"star: interrupted; to resume, add `--out {folder}`\n")
+    return flown
+
+
+def _merge(study: Study, folder: Path, folders: Sequence[Path]) -> StudyResults:
+    """Write the tables of all shards of a study, and return their results."""
+    if folder.resolve() in [each.resolve() for each in folders]:
+        raise InputError(f"--out {folder}: is to be merged; name another", "option-conflict")
+    runs = list(study.runs())
+    with Progress("merging"):
+        results_by_key = merged(runs, folders)
+    with writing(folder):
+        _begin(study, folder, Shard())
+        with closing(Journal(folder / JOURNAL)) as journal:
+            for run in runs:
+                if run.key not in journal.done:
+                    journal.add(run, results_by_key[run.key])
+        done = [(run, results_by_key[run.key]) for run in runs]
+        return _write_tables(study, folder, done, interrupted=False)
+
+
+def _begin(study: Study, folder: Path, chosen: Shard) -> None:
+    """Make the folder of a study, and write what it is about."""
+    folder.mkdir(parents=True, exist_ok=True)
+    plugins = {str(choice) for c in study.conditions for choice in c.mission.plugins.values()}
+    about = {
+        "study": study.data,
+        "seeds": study.seeds,
+        "shard": f"{chosen.number}/{chosen.total}",
+        "plugins": sorted(plugins),
+        **software(),
+    }
+    replace_file(folder / ABOUT, json.dumps(about, indent=2) + "\n")
+
+
+def _write_tables(
+    study: Study, folder: Path, done: Sequence[tuple[Run, Result]], *, interrupted: bool
+) -> StudyResults:
+    """Write the tables of a study, and return its results."""
+    flown = study_results(done, interrupted=interrupted)
     replace_file(folder / "results.csv", flown.as_csv(study.factors, study.measures))
     replace_file(folder / "timings.csv", flown.timings(study.factors))
     replace_file(folder / TABLE, as_markdown(study, done))
     sys.stderr.writelines(f"star: {line}\n" for line in _unknown_measures(study, done))
-    if interrupts:
-        sys.stderr.write(f"star: interrupted; to resume, add `--out {folder}`\n")
     return flown
 
 

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import json
+import os
 import time
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, BinaryIO, Final, NamedTuple
 
 from star_ablate.flight import Result
 from star_ablate.study import Run
 from star_core.toolkit import Progress, duration, log, on_terminal, shortlist
 
+JOURNAL: Final = "runs.jsonl"
 MAX_LINE: Final = 100_000_000  # bytes
 MAX_WALL_TIME: Final = 1e9  # s
 MANY: Final = 2  # changes, above which they are a list
@@ -48,38 +50,34 @@ class Journal:
     """
 
     def __init__(self, path: Path) -> None:
-        self.done: dict[str, Result] = {}
-        self._bases: dict[tuple[Any, ...], Mapping[str, str]] = {}  # by `Entry.flight`
-        whole = True  # whether the last line ends
-        for line in _lines(path) if path.exists() else ():
-            whole = line.endswith(b"\n")
-            entry = _parsed(line)
-            if entry is not None and entry.result.summary is not None:
-                self.done[entry.key] = entry.result
-                self._bases[entry.flight] = entry.basis
-        self._file = path.open("a", encoding="utf-8")
-        if not whole:  # a previous writer was killed in the middle of a line
-            self._file.write("\n")
+        found = entries(path) if path.exists() else ()
+        self._entries = [entry for entry in found if entry.result.summary is not None]
+        self.done = {entry.key: entry.result for entry in self._entries}
+        self._file = path.open("a+b")
+        if self._file.tell() and not _ends_line(self._file):  # its writer was killed in a line
+            self._file.write(b"\n")
 
     def changes(self, runs: Iterable[Run]) -> Counter[str]:
         """Count the runs that were flown before, by what has changed since, in words."""
-        changed: Counter[str] = Counter()
-        for run in runs:
-            before = self._bases.get(_flight(run))
-            if before is not None:
-                changed[_difference(before, run.condition.basis)] += 1
-        return changed
+        return changes(runs, self._entries)
 
     def add(self, run: Run, result: Result) -> None:
         """Store the result of a run."""
         about = {"key": run.key, "mission": run.condition.file, "seed": run.seed}
         about |= {"levels": dict(run.condition.levels), "basis": dict(run.condition.basis)}
-        self._file.write(json.dumps(about | asdict(result)) + "\n")
+        self._file.write(json.dumps(about | asdict(result)).encode() + b"\n")
         self._file.flush()
 
     def close(self) -> None:
         """Close the file."""
         self._file.close()
+
+
+def changes(runs: Iterable[Run], entries: Iterable[Entry]) -> Counter[str]:
+    """Count the runs that a journal has, by what has changed since their flight, in words."""
+    bases = {entry.flight: entry.basis for entry in entries}
+    flown = [run for run in runs if _flight(run) in bases]
+    return Counter(_difference(bases[_flight(run)], run.condition.basis) for run in flown)
 
 
 def _flight(run: Run) -> tuple[Any, ...]:
@@ -99,11 +97,20 @@ def _difference(before: Mapping[str, str], after: Mapping[str, str]) -> str:
     return f"{names} {'has' if len(changed) == 1 else 'have'} changed"
 
 
-def _lines(path: Path) -> Iterator[bytes]:
-    """Yield the lines of a journal; of one that is too long, pieces that are no JSON."""
+def entries(path: Path) -> Iterator[Entry]:
+    """Yield the runs of a journal, in order of completion; lines that it cannot have are ignored.
+
+    Of a line that is too long, `_parsed` gets pieces that are no JSON.
+    """
     with path.open("rb") as file:
         while line := file.readline(MAX_LINE):
-            yield line
+            if (entry := _parsed(line)) is not None:
+                yield entry
+
+
+def _ends_line(file: BinaryIO) -> bool:
+    file.seek(-1, os.SEEK_END)
+    return file.read(1) == b"\n"
 
 
 def _parsed(line: bytes | str) -> Entry | None:
