@@ -2,8 +2,8 @@
 
 ``python benchmarks/durations.py [MISSION ...]`` rehearses and flies missions in their own world,
 each with its own seed, and prints a table: by default all missions that ship and their scenarios.
-Between lie the errors of a rehearsal: reliefs, and obstacles that a path leads around. With
-``--steps`` it prints each step.
+Between lie the errors of positions, which a rehearsal does not have: agents that search miss cells
+that it sees, and fly further lanes for them. With ``--steps`` it prints each step.
 """
 
 from __future__ import annotations

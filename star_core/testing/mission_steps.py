@@ -10,6 +10,7 @@ from star_core.contracts import Status, Task
 from star_core.execution.assignments import Assignments
 from star_core.execution.executor import StepExecutor
 from star_core.execution.instructions import Instructions
+from star_core.execution.reserves import ReserveManager
 from star_core.execution.step_run import TaskPool, TickContext
 from star_core.messages.state import Estimate, Goals, Health
 from star_core.mission import Action, Mission
@@ -50,6 +51,13 @@ class MissionSteps:
         self._goals = Goals.none(len(mission.scene.agents))  # of the last tick
         self._targets = Targets(mission.scene)
         self._rules, self._assignments = Rules(mission.scene, mission.safety), assignments
+        self._reserves = (
+            ReserveManager(
+                mission.scene, assignments, self._rules, mission.reserve, lambda _text, _agent: None
+            )
+            if mission.reserve
+            else None
+        )
 
     def step(self, estimate: Estimate, health: Health) -> tuple[Status, Instructions]:
         """Run one tick, at the time of the estimate; return the mission's status, and what to do.
@@ -69,6 +77,8 @@ class MissionSteps:
         self._assignments.vacate(excluded)
         tick = TickContext(estimate.time, estimate, health, {}, {}, {}, self._goals)
         status, instructions = self._executor.step(tick)
+        if self._reserves is not None:
+            instructions = self._reserves.step(tick, instructions)
         self._goals = instructions.goals
         if excluded:
             instructions = instructions._replace(leave=instructions.leave | {*excluded})

@@ -14,7 +14,7 @@ from star_core.messages.rotations import Transform, wrap_angle
 from star_core.messages.state import AgentPhase, Estimate, Goals, Health, Setpoint, Truth
 from star_core.messages.telemetry import Corrections, Supervisor, Telemetry
 
-CHARGED: Final = 4.0  # V
+CHARGED: Final = 4.2  # V
 CLOCK_ERROR: Final = 1e-9  # s, rounding error of a sum of ticks
 AT_GOAL: Final = 1e-9  # m: nearer than this there is no direction to a goal
 IN_FLIGHT: Final = (AgentPhase.TAKING_OFF, AgentPhase.FLYING, AgentPhase.LANDING)

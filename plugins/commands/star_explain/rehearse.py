@@ -22,20 +22,18 @@ from star_core import (
     Status,
     Task,
 )
-from star_core.testing import MissionSteps, PointMasses, straight_velocity
+from star_core.testing import MissionSteps, PointMasses
 from star_core.toolkit import (
     Action,
     Node,
     Rehearsal,
     min_landing_time,
 )
-from star_explain.passing import Passing
 from star_explain.rehearsed_task import RehearsedTask
 from star_explain.sighting import Lookout
+from star_explain.steering import Steering
 
 TICK: Final = 0.1  # s
-GAIN: Final = 1.5  # 1/s, of a planner without this option
-BRAKING: Final = 0.5  # of the greatest acceleration, as `PositionController`
 SPEED_SHARE: Final = 0.87
 """Share of the velocity of a setpoint that a drone flies: drag and errors of the estimate leave
 those in the default world of `sim` between 0.8 and 1.1 times 0.5 m/s."""
@@ -70,7 +68,7 @@ def rehearse(mission: Mission, registry: Registry) -> Rehearsal:
     rehearsed = replace(mission.with_steps(without_timeout), scene=scene)
     runner = MissionSteps(rehearsed, registry, tasks.make)
     try:
-        return _run(mission, runner, tasks, _handling(mission, registry))
+        return _run(rehearsed, registry, runner, tasks, _handling(mission, registry))
     finally:
         runner.close()
 
@@ -108,13 +106,11 @@ class _Handling(NamedTuple):
     """Response of the drones to setpoints and commands.
 
     Attributes:
-        gain: Speed by distance, 1/s.
         tracking: Share of the velocity of a setpoint that they fly.
         settling: What climbs and landings take beyond their durations, s.
         voltage: Returns the voltages, V, of agents after times in the air, s; None if not known.
     """
 
-    gain: float
     tracking: float
     settling: Mapping[Order, float]
     voltage: Callable[[Array], Array] | None
@@ -122,20 +118,24 @@ class _Handling(NamedTuple):
 
 def _handling(mission: Mission, registry: Registry) -> _Handling:
     """Return how the drones of a mission fly."""
-    gain = mission.plugins["planner"].options.get("gain", GAIN)
     transport = mission.plugins["transport"]
     spec = registry.find("transport", transport.use).offer
     exact_control, voltage = spec.exact_control, spec.hover_voltage
     exact = exact_control is not None and exact_control(**transport.options)
     return _Handling(
-        float(gain) if isinstance(gain, int | float) else GAIN,
         1.0 if exact else SPEED_SHARE,
         {Order.TAKEOFF: 0.0 if exact else SETTLING_TIME, Order.LAND: LANDED_DELAY},
         None if voltage is None else partial(voltage, **transport.options),
     )
 
 
-def _run(mission: Mission, runner: MissionSteps, tasks: _Tasks, handling: _Handling) -> Rehearsal:
+def _run(
+    mission: Mission,
+    registry: Registry,
+    runner: MissionSteps,
+    tasks: _Tasks,
+    handling: _Handling,
+) -> Rehearsal:
     """Run the steps until they are over."""
     scene, limits = mission.scene, mission.scene.limits
     swarm = PointMasses(
@@ -145,7 +145,7 @@ def _run(mission: Mission, runner: MissionSteps, tasks: _Tasks, handling: _Handl
         settling=handling.settling,
     )
     lookout, flown = Lookout(scene), np.zeros(len(scene.agents))
-    passing = Passing(mission)
+    steering = Steering(mission, registry)
     tracks = _Tracks()
     tick, status = 0, Status.RUNNING
     while True:
@@ -178,15 +178,7 @@ def _run(mission: Mission, runner: MissionSteps, tasks: _Tasks, handling: _Handl
         for command in (*instructions.commands, *_landings(instructions.leave, swarm)):
             swarm.command(_as_sent(command, swarm.position))
         steered = swarm.steered()
-        velocity = straight_velocity(
-            swarm.position,
-            goals,
-            TICK,
-            gain=handling.gain,
-            braking=BRAKING * limits.acceleration,
-            limit=limits.speed,
-        )
-        velocity = passing.velocity(swarm.time, swarm.position, goals, steered, velocity)
+        velocity = steering.velocity(estimate, goals, steered)
         velocity *= handling.tracking
         swarm.send(Setpoint(velocity, goals.yaw, goals.active & steered))
         tick += 1

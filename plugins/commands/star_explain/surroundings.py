@@ -62,8 +62,8 @@ class Surroundings:
                 continue
             x, y, z = point
             start = self._surface(agent.start)[0]
-            height, what, flies = self._surface(point)
-            notes = [(height, what, flies, above)]
+            height, what = self._surface(point)
+            notes = [(height, what, "flies", above)]
             notes += [
                 (obstacle.height[1], f"obstacle {obstacle.name!r}", "may fly", beside)
                 for obstacle in self._scene.world.obstacles
@@ -97,18 +97,9 @@ class Surroundings:
                         last[row] = x, y, z
                         yield row, (x, y, z)
 
-    def _surface(self, point: tuple[float, float, float]) -> tuple[float, str, str]:
-        """Return the surface below a point: its height, m, and what it is; and how sure that is.
-
-        A planner may lead over an obstacle that is in the way.
-        """
-        scene = self._scene
-        ceiling = min(scene.limits.height[1], scene.world.fence.high[2])
-        for obstacle in () if self._ignores_obstacles else scene.world.obstacles:
-            top = obstacle.height[1]
-            if point[2] < top < ceiling and obstacle.touched(point, point[2]):
-                return top, f"obstacle {obstacle.name!r}", "may fly"
-        below = scene.world.below(point)
+    def _surface(self, point: tuple[float, float, float]) -> tuple[float, str]:
+        """Return the height of the surface below a point, m, and what it is."""
+        below = self._scene.world.below(point)
         if below is None:
-            return 0.0, "the floor", "flies"
-        return below.height[1], f"obstacle {below.name!r}", "flies"
+            return 0.0, "the floor"
+        return below.height[1], f"obstacle {below.name!r}"

@@ -89,7 +89,7 @@ def test_obstacles_in_the_way_are_warnings_if_the_avoider_avoids() -> None:
     assert found.endswith("[path-blocked]")
 
 
-def test_a_planner_that_avoids_obstacles_is_not_rehearsed() -> None:
+def test_a_planner_that_avoids_obstacles_is_not_blocked() -> None:
     assert warnings("straight", "visibility", WALL) == []
 
 
@@ -117,11 +117,13 @@ def test_a_flight_off_the_table_it_started_on_is_one_too() -> None:
     assert found.endswith("it sinks by 0.40 m [over-obstacle]")
 
 
-def test_a_planner_may_lead_over_an_obstacle_that_is_low_enough() -> None:
+def test_a_planner_leads_over_an_obstacle_or_around_it() -> None:
     changes = (*RANGER, "planner=visibility")
-    (found,) = warnings(world=WALL.replace("[0, 2]", "[0, 1.2]"), changes=changes)
-    assert "cf1 may fly over obstacle 'wall'" in found
-    assert warnings(world=WALL, changes=changes) == []
+    low, wide = WALL.replace("[0, 2]", "[0, 1.2]"), "size: [4, 0.1]"
+    assert warnings(world=low, changes=changes) == []  # around
+    *_, over = warnings(world=low.replace("size: [1, 0.1]", wide), changes=changes)
+    assert "cf1 flies over obstacle 'wall'" in over
+    assert over.endswith("[over-obstacle]")
 
 
 NEVER_MADE: Any = object

@@ -1,0 +1,67 @@
+"""Steering: the velocities at which agents of a rehearsal fly to their goals."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from star_core import Array, Estimate, Goals, Mask, Mission, Registry
+from star_core.testing import straight_velocity
+from star_explain.passing import Passing
+
+GAIN: Final = 1.5  # 1/s, of a planner without this option
+BRAKING: Final = 0.5  # of the greatest acceleration, as `PositionController`
+
+
+class Steering:
+    """Leads agents straight to their goals, and lets them give way to each other.
+
+    In a world with obstacles, planner and avoider of the mission do both if they lead around these:
+    which way agents take, and at which corner one waits for another, follows from nothing simpler.
+    They import numba, which a rehearsal without obstacles does not. Agents fly straight to goals
+    that the planner refuses, and to all once a plugin has failed: the checks report these.
+
+    Args:
+        mission: As it is rehearsed.
+        registry: Of its plugins.
+    """
+
+    def __init__(self, mission: Mission, registry: Registry) -> None:
+        gain = mission.plugins["planner"].options.get("gain", GAIN)
+        self._gain = float(gain) if isinstance(gain, int | float) else GAIN
+        self._scene = scene = mission.scene
+        self._passing = Passing(mission)
+        self._plugins = None
+        used = {kind: mission.plugins[kind] for kind in ("planner", "avoider")}
+        specs = {kind: registry.find(kind, used[kind].use).offer for kind in used}
+        if scene.world.obstacles and specs["planner"].avoids_obstacles:
+            self._plugins = tuple(specs[kind].make(scene, **used[kind].options) for kind in used)
+
+    def velocity(self, estimate: Estimate, goals: Goals, steered: Mask) -> Array:
+        """Return the velocities of all agents, (N, 3) m/s.
+
+        Args:
+            estimate: Of the agents.
+            goals: Of the agents.
+            steered: (N,) agents that fly to their goals.
+        """
+        velocity = straight_velocity(
+            estimate.position,
+            goals,
+            self._scene.period,
+            gain=self._gain,
+            braking=BRAKING * self._scene.limits.acceleration,
+            limit=self._scene.limits.speed,
+        )
+        if self._plugins is not None:
+            planner, avoider = self._plugins
+            try:
+                plan = planner.plan(estimate, replace(goals, active=goals.active & steered))
+                planned = np.where(plan.unreachable[:, None], velocity, plan.setpoint.velocity)
+                wanted = replace(plan.setpoint, velocity=planned)
+                return np.array(avoider.avoid(estimate, wanted).velocity)
+            except Exception:  # noqa: BLE001 -- whatever a plugin may raise, as the flight reports
+                self._plugins = None
+        return self._passing.velocity(estimate.time, estimate.position, goals, steered, velocity)

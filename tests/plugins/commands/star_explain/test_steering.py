@@ -1,0 +1,82 @@
+"""How agents of a rehearsal are steered among obstacles, and relieved."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from star_core import AgentPhase, PlannerSpec, Registry, hookimpl, load
+from star_core.toolkit import Rehearsal
+
+WORLD = """\
+star: 1
+name: hall
+fence: {low: [-9, -9, 0], high: [9, 9, 3]}
+obstacles: {block: {box: {centre: [1.5, 0], size: [1, 1]}, height: [0, 3]}}
+"""
+MISSION = """\
+star: 1
+name: past
+world: hall.yaml
+swarm: {a: {start: [0, 0, 0]}, b: {start: [0, 3, 0]}}
+transport: sim
+localizer: flow
+planner: visibility
+avoider: orca
+mission:
+  - takeoff: {agents: a, height: 0.8}
+  - goto: {agents: a, to: [3, 0, 0.8]}
+  - land: {agents: a}
+"""
+LOW = ("reserve={agents: [b], relieve_below: 3.4}", "transport.endurance=10")
+
+
+class Broken:
+    """A planner that fails in flight."""
+
+    def __init__(self, _scene: Any) -> None: ...
+
+    def plan(self, _estimate: Any, _goals: Any) -> Any:
+        raise ZeroDivisionError
+
+    @staticmethod
+    @hookimpl
+    def star_planners() -> Iterator[PlannerSpec]:
+        yield PlannerSpec(name="broken", summary="Fails.", make=Broken, avoids_obstacles=True)
+
+
+@pytest.fixture
+def rehearsed(tmp_path: Path) -> Callable[..., Rehearsal]:
+    """Return a function that rehearses `MISSION` with some changes."""
+    (tmp_path / "hall.yaml").write_text(WORLD)
+    (tmp_path / "past.yaml").write_text(MISSION)
+
+    def rehearse(*changes: str) -> Rehearsal:
+        registry = Registry(Broken)
+        mission = load(tmp_path / "past.yaml", registry, changes)
+        result: Rehearsal = registry.manager.hook.star_rehearse(mission=mission, registry=registry)
+        return result
+
+    return rehearse
+
+
+def test_the_planner_leads_around_obstacles(rehearsed: Callable[..., Rehearsal]) -> None:
+    around, straight = rehearsed(), rehearsed("planner=straight")
+    assert abs(around.position[:, 0, 1]).max() > 0.65  # m: half the block, and most of a clearance
+    assert abs(straight.position[:, 0, 1]).max() < 0.01
+    assert around.time[-1] > straight.time[-1]
+
+
+def test_agents_fly_straight_once_a_planner_fails(rehearsed: Callable[..., Rehearsal]) -> None:
+    rehearsal = rehearsed("planner=broken")
+    assert abs(rehearsal.position[:, 0, 1]).max() < 0.01
+    assert {step.outcome for step in rehearsal.steps} == {"done"}
+
+
+def test_reserves_relieve_agents_in_a_rehearsal(rehearsed: Callable[..., Rehearsal]) -> None:
+    flies = rehearsed("planner=straight", *LOW).phase == AgentPhase.FLYING
+    assert flies.any(axis=0).tolist() == [True, True]
+    assert not (rehearsed("planner=straight").phase[:, 1] == AgentPhase.FLYING).any()
