@@ -21,7 +21,10 @@ four agents by `flow` that change sides at once pass at 0.64 to 0.71 m, where th
 of the margins are 1.2 m, two at 0.8 to 0.9 m, and two pairs in lanes 1 m apart at 0.57 m."""
 EVASION_TIME: Final = 5.0  # s that passing others takes: those lanes take 8 s in place of 3
 NEAR_USE: Final = 2 / 3  # of their room, from which on two agents count as near each other
-MAX_RISK: Final = 0.01  # probability from which on there is a warning
+MAX_RISK: Final = 0.01  # probability of less than the separation from which on there is a warning
+MAX_WALL_RISK: Final = 0.003
+"""The same of contacts with obstacles, and of flights out of the fence, in a whole mission. With
+0.01, the probabilities of 84 random missions without a warning added up to 0.024."""
 FENCE_TOLERANCE: Final = 0.2  # m, by which an agent may leave the fence: it is no wall
 
 
@@ -252,10 +255,10 @@ def _risk(
 
 
 def _wall_problem(total: float, where: str, what: str) -> Iterator[Problem]:
-    if total > MAX_RISK:
+    if total > MAX_WALL_RISK:
         yield Problem(
             ("localizer",),
-            f"{where}; {what} with a probability of up to {100 * min(1.0, total):.0f} %: keep "
+            f"{where}; {what} with a probability of up to {100 * min(1.0, total):.2g} %: keep "
             "farther away, shorten the mission, or locate agents by more landmarks",
             "drift-exceeds-clearance",
             warning=True,

@@ -111,6 +111,12 @@ def test_one_agent_that_drifts_near_an_obstacle_is_warned_of(tmp_path: Path) -> 
     assert warned(tmp_path, PILLAR, "mission.1.hold={at: [1.5, 0, 0.8], for: 5}") == []
 
 
+def test_a_contact_in_three_of_a_thousand_flights_is_warned_of(tmp_path: Path) -> None:
+    (found,) = warned(tmp_path, PILLAR, "mission.1.hold={at: [2.75, 0, 0.8], for: 10}")
+    assert "agents touch obstacles with a probability of up to 0." in found
+    assert warned(tmp_path, PILLAR, "mission.1.hold={at: [2.5, 0, 0.8], for: 10}") == []
+
+
 def test_one_agent_that_drifts_near_the_fence_is_warned_of(tmp_path: Path) -> None:
     (found,) = warned(tmp_path, "", "mission.1.hold.at=[8.5, 0, 0.8]")
     assert "cf1 is 0.5 m from the fence" in found
