@@ -209,6 +209,22 @@ def star_fly_study(
 
 
 @hookspec
+def star_measures() -> Iterable[str]:  # type: ignore[empty-body]
+    """Offer what `star_summary` measures: paths in the summary, keys joined by dots.
+
+    A path that ends with ``.*`` stands for all paths below. Studies refuse a misspelt measure
+    before the first flight, if each plugin that observes flights offers its measures.
+
+    Example:
+        >>> from star_core import hookimpl
+        >>> @hookimpl
+        ... def star_measures():
+        ...     yield "heights_m.mean"
+        ...     yield "heights_m.per_agent.*"
+    """
+
+
+@hookspec
 def star_mission_started(flight: Flight, operator: Operator) -> object | None:
     """Observe the start: the links are open and nothing has moved yet.
 

@@ -16,6 +16,15 @@ MAX_NUMBER: Final = 1e12  # of a summary
 MAX_MEASURE: Final = 1e100  # of a table, whose variance is finite
 STUDY_COLUMNS: Final = ("mission", "seed", "outcome", "reason")
 """Columns of every ``results.csv``; factors cannot have these names."""
+SUMMARY_MEASURES: Final = (
+    *("outcome", "reason", "mission", "seed", "agents", "flight_time_s", "wall_time_s"),
+    *("realtime_factor", "compute_us.*", "compute_s.*", "collisions.agent_agent"),
+    *("collisions.agent_obstacle", "distances_from", "corrected.fence", "corrected.speed"),
+    *("corrected.separation", "corrected.obstacle", "min_separation_m", "min_clearance_m"),
+    *("late_ticks", "latest_tick_s", "slow_ticks.*", "targets.found", "targets.total"),
+    *("targets.list", "steps", "events"),
+)
+"""Paths in every summary, keys joined by dots, as `star_measures` offers those of a plugin."""
 AFTER_LEVELS: Final = ("seed", "outcome", "reason")
 VALUE: Final = (*"-0123456789", "true", "false")  # what a number or a boolean begins with
 FORMULA: Final = ("=", "+", "-", "@")  # what a formula of a spreadsheet begins with

@@ -7,16 +7,18 @@ import json
 import os
 import signal
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from pathlib import Path
 from types import FrameType
-from typing import Final
+from typing import Any, Final
 
+from star_ablate import measures
+from star_ablate.dry_run import describe
 from star_ablate.flight import Job, Result
-from star_ablate.journal import JOURNAL, Journal, StudyProgress
+from star_ablate.journal import JOURNAL, Journal, StudyProgress, entries
 from star_ablate.reading import read
-from star_ablate.results import as_markdown, paths, study_results
+from star_ablate.results import as_markdown, study_results
 from star_ablate.shards import ABOUT, Shard, merged, require_shard, shard
 from star_ablate.study import Run, Study
 from star_ablate.workers import fly_all
@@ -29,7 +31,7 @@ from star_core.commands import (
     write_report,
     writing,
 )
-from star_core.toolkit import STUDY_COLUMNS, Progress, StudyResults, log, suggestion
+from star_core.toolkit import Progress, StudyResults, log
 
 TABLE: Final = "results.md"
 DONE, INTERRUPTED = 0, 1  # exit status; bad input is 2, as with every command
@@ -45,6 +47,13 @@ def run(options: argparse.Namespace, registry: Registry) -> int:
         raise InputError("--shard flies runs and --merge flies none; give one", "option-conflict")
     study = _checked(Path(options.study), registry, options.seeds)
     folder = output_folder(options.out, study.name, JOURNAL)
+    if options.dry_run:
+        known = list(entries(folder / JOURNAL)) if (folder / JOURNAL).exists() else []
+        done = {entry.key for entry in known if entry.result.summary is not None}
+        times = [entry.result.wall_time for entry in known if entry.key in done]
+        for text in describe(study, options.shard, times, done, options.workers):
+            sys.stdout.write(f"{text}\n")
+        return DONE
     if options.merge:
         flown = _merge(study, folder, [Path(name) for name in options.merge])
     else:
@@ -105,6 +114,9 @@ def configure(line: argparse.ArgumentParser) -> None:
     line.add_argument(
         "--merge", nargs="+", metavar="DIR", help="fly nothing: join the folders of all shards"
     )
+    line.add_argument(
+        "--dry-run", action="store_true", help="print conditions, runs and the expected time only"
+    )
     line.add_argument("--record", action="store_true", help="keep the record of every run")
     line.add_argument("--quiet", action="store_true", help="print no table and write no report")
 
@@ -126,11 +138,18 @@ def _fly(
         output, limit = folder / "log.txt", study.time_limit
         flights = fly_all(jobs, workers, output, limit, stopped=lambda: bool(interrupts))
         progress = StudyProgress(study.name, len(runs), len(results_by_key), workers)
+        unchecked = bool(study.undeclared)
+        for summary in [r.summary for r in results_by_key.values() if r.summary is not None][:1]:
+            _require_measures(study, summary)
+            unchecked = False
         with progress, closing(flights):
             for index, result in flights:
                 results_by_key[missing[index].key] = result
                 journal.add(missing[index], result)
                 progress.add(missing[index], result)
+                if unchecked and result.summary is not None:
+                    _require_measures(study, result.summary)
+                    unchecked = False
     done = [(run, results_by_key[run.key]) for run in runs if run.key in results_by_key]
     flown = _write_tables(study, folder, done, interrupted=bool(interrupts))
     if interrupts:
@@ -177,7 +196,6 @@ def _write_tables(
     replace_file(folder / "results.csv", flown.as_csv(study.factors, study.measures))
     replace_file(folder / "timings.csv", flown.timings(study.factors))
     replace_file(folder / TABLE, as_markdown(study, done))
-    sys.stderr.writelines(f"star: {line}\n" for line in _unknown_measures(study, done))
     return flown
 
 
@@ -198,12 +216,17 @@ def _interrupts() -> Iterator[list[int]]:
         signal.signal(signal.SIGINT, before)
 
 
-def _unknown_measures(study: Study, done: Sequence[tuple[Run, Result]]) -> Iterator[str]:
-    """Yield a line for each measure that no summary has, most likely a typing error."""
-    measured = {path for _, result in done for path in paths(result.summary or {})}
-    for measure in study.measures if measured else ():
-        if measure not in measured and measure not in STUDY_COLUMNS:
-            yield f"no run has the measure {measure!r}{suggestion(measure, measured)}"
+def _require_measures(study: Study, summary: Mapping[str, Any]) -> None:
+    """Require that a summary has the measures that no plugin offers.
+
+    Raises:
+        InputError: It lacks some; they are located in the study.
+    """
+    available = list(measures.paths(summary))
+    wrong = [measure for measure in study.undeclared if measure not in available]
+    if wrong and study.file is not None:
+        problems = measures.problems(study.measures, available, wrong)
+        raise InputError(study.file.located(problems))
 
 
 def _record(folder: Path, run: Run) -> Path:

@@ -8,7 +8,7 @@ from itertools import combinations, count, islice
 from pathlib import Path
 from typing import Any, Final, TypeAlias
 
-from star_ablate import design
+from star_ablate import design, measures
 from star_ablate.basis import Basis
 from star_ablate.study import Condition, Study
 from star_core import InputError, Mission, Problem, Registry, load
@@ -76,6 +76,10 @@ def study_of(document: SourceFile, registry: Registry, seeds: int | None = None)
     if seeds is not None and data.get("seeds") == OWN:
         why = f"each mission flies with its {OWN!r} seed, so --seeds {seeds} has no effect"
         problems.append(Problem(("seeds",), why, "option-conflict"))
+    listed = data.get("measures", ())
+    undeclared = measures.undeclared(listed, registry)
+    if not measures.may_measure_more(registry):
+        problems += measures.problems(listed, measures.offered(registry), undeclared)
     if problems:
         raise InputError(document.located(problems))
     return Study(
@@ -86,6 +90,8 @@ def study_of(document: SourceFile, registry: Registry, seeds: int | None = None)
         measures=tuple(data.get("measures", MEASURES)),
         time_limit=data.get("time_limit"),
         data=data,
+        file=document,
+        undeclared=tuple(undeclared),
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from statistics import fmean, stdev
 from typing import Any, Final, NamedTuple, TypeAlias
 
@@ -51,18 +51,6 @@ def statistics(values: Sequence[float]) -> Statistics:
     std = stdev(values)
     t = float(stdtrit(n - 1, (1 + CONFIDENCE) / 2))
     return Statistics(n, fmean(values), std, t * std / math.sqrt(n))
-
-
-def paths(summary: Mapping[str, Any], above: str = "") -> Iterator[str]:
-    """Yield every path in a summary.
-
-    >>> list(paths({"collisions": {"agent_agent": 0}, "reason": ""}))
-    ['collisions', 'collisions.agent_agent', 'reason']
-    """
-    for key, value in summary.items():
-        yield f"{above}{key}"
-        if isinstance(value, Mapping):
-            yield from paths(value, f"{above}{key}.")
 
 
 def finite(values: Sequence[Any]) -> list[float]:

@@ -8,6 +8,7 @@ from typing import Any
 
 from star_ablate.basis import digest
 from star_core import Mission
+from star_core.formats import SourceFile
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,6 +64,8 @@ class Study:
         measures: Paths into a summary.
         time_limit: Wall time limit of a run, s, or None.
         data: The study as read.
+        file: Its file; None in tests.
+        undeclared: Measures that no plugin offers, to be checked by the first summary.
     """
 
     name: str
@@ -72,6 +75,8 @@ class Study:
     measures: tuple[str, ...]
     time_limit: float | None
     data: Mapping[str, Any]
+    file: SourceFile | None = None
+    undeclared: tuple[str, ...] = ()
 
     @property
     def each(self) -> int:

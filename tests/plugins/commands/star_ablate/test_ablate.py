@@ -7,13 +7,14 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import star_ablate
+from star_ablate.flight import Job, Result
 from star_core import InputError, Registry
 from star_core.commands import run_command
 from tests.campaign.killed_studies import compare
@@ -140,10 +141,6 @@ def test_measures_that_are_asked_for_later_need_no_flight(
     flown: Study, rows: Rows, capsys: pytest.CaptureFixture[str]
 ) -> None:
     text = SLOW + "missions: [../hop.yaml]\nseeds: 1\nmeasures: "
-    ablate(flown(text + "[flight_time]\n"))
-    assert capsys.readouterr().err == (
-        "star: no run has the measure 'flight_time'; did you mean 'flight_time_s'?\n"
-    )
     (row,) = rows(ablate(flown(text + "[seed, position_rmse_m]\n")))
     assert float(row["position_rmse_m"]) > 0
     assert capsys.readouterr().err == ""
@@ -219,6 +216,35 @@ def test_an_interrupt_keeps_what_is_done_and_leaves_no_process(
     assert "1 of 2 runs" in said
     (row,) = rows(out)
     assert (row["harm"], row["outcome"]) == ("a", "completed")
+
+
+@pytest.mark.usefixtures("instant")
+def test_a_dry_run_prints_what_would_be_flown(
+    study: Study, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = study(HOP + SLOW + "seeds: 7\n")
+    out = path.parents[1] / "out"
+    probed: list[int] = []
+
+    def fly_all(jobs: Sequence[Job], *_: object) -> Iterator[tuple[int, Result]]:
+        probed.append(len(jobs))
+        yield from ((i, Result("completed", "", 2.0 + i, {})) for i in range(len(jobs)))
+
+    monkeypatch.setattr("star_ablate.dry_run.fly_all", fly_all)
+    command = [str(path), "--dry-run", "--workers", "2", "--out", str(out)]
+    assert main(command) == 0
+    assert not out.exists()
+    assert capsys.readouterr().out.splitlines() == [
+        *("1 condition:", "  hop, rate: slow", "seeds: 0, 1, 2, 3, 4, 5, 6"),
+        "runs of the whole study: 7",
+        "expected time: about 14 s with 2 workers, at 4 s a flight (mean of 3, not kept)",
+    ]
+    assert main([str(path), "--out", str(out), "--seeds", "3", "--quiet"]) == 0
+    assert main(command) == 0
+    text = capsys.readouterr().out
+    assert "runs of the whole study: 7, 3 of them flown\n" in text
+    assert "expected time: about 0 s with 2 workers, at 0.1 s a flight (mean of 3 before)" in text
+    assert probed == [4]
 
 
 def test_nothing_is_written_when_the_study_is_wrong(study: Study, tmp_path: Path) -> None:
