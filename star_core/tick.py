@@ -55,10 +55,9 @@ from star_core.safety.monitors import (
     TickState,
     Use,
     plugin_monitors,
+    stages_of,
 )
 from star_core.safety.rules import Rules
-from star_core.safety.setpoint_monitor import SetpointMonitor
-from star_core.safety.uncertain_agents import StoppedAgents, UncertainAgents
 from star_core.vehicle_interface import VehicleInterface
 
 MAX_LOST_TIME: Final = 1.0  # s; without setpoints for 2 s, a Crazyflie stops its motors
@@ -106,7 +105,6 @@ class ControlLoop:
         self._assignments = Assignments(n, mission.reserve_rows)
         self._rules = Rules(scene, mission.safety)
         self._safety = SafetyFilter(scene)
-        self._uncertain = UncertainAgents(scene, partial(observers.event, "safety"))
         self._vehicles = VehicleInterface(scene, pipeline, observers)
         report = partial(observers.event, "plugin")
         monitors: tuple[Monitor, ...] = (
@@ -114,14 +112,12 @@ class ControlLoop:
             *plugin_monitors(scene, registry, pipeline.compute_time, report),
             self._vehicles.unheard,
             self._rules,
-            self._uncertain,
-            StoppedAgents(self._uncertain),
             GroundedAgents(n, scene.limits),
-            SetpointMonitor(scene),
             PendingStrikes(pipeline.strikes),
         )
         self._monitors = {
-            stage: [monitor for monitor in monitors if monitor.after is stage] for stage in Stage
+            stage: [monitor for monitor in monitors if stage in stages_of(monitor)]
+            for stage in Stage
         }
         tasks = TaskPool(mission, registry, pipeline.compute_time)
         self._executor = StepExecutor(
@@ -182,7 +178,6 @@ class ControlLoop:
         plan = self._pipeline.plan(estimate, state.goals)
         state.setpoint = plan.setpoint
         self._check(Stage.PLANNED, state)
-        state.redirected = self._uncertain.redirected
         state.planned = vehicles.setpoint(state.setpoint, estimate)
         state.setpoint = self._pipeline.avoid(state.visible, state.planned)
         near = self._near(estimate)
@@ -209,6 +204,7 @@ class ControlLoop:
 
     def _check(self, stage: Stage, state: TickState) -> None:
         """Check a tick after a stage, and act on what the monitors find."""
+        state.stage = stage
         for monitor in self._monitors[stage]:
             for finding in monitor.check(state):
                 self._act(finding, state)
@@ -259,6 +255,7 @@ class ControlLoop:
             state.landing[waiting] = True
         state.steered = vehicles.steered(state.estimate) & ~state.landing
         state.gone = self._gone()
+        state.redirected = np.zeros(len(state.phase), np.bool_)
 
     def land_all(self, *, complete: bool, at_once: bool = False) -> MissionStatus:
         """Land all agents from now on: the ticks that follow do nothing else.

@@ -43,6 +43,7 @@ class TickState:
         phase: (N,) `AgentPhase` of each agent: of the last tick until commands are sent.
         taken_over: (N,) agents that setpoints have flown, by their reports, since their last
             command.
+        stage: After which it is checked now.
         estimate: The localizer's, as changed by monitors.
         health: Of the agents.
         gone: (N,) agents on the ground that do not take off again.
@@ -58,6 +59,7 @@ class TickState:
     telemetry: Telemetry
     phase: Rows
     taken_over: Mask
+    stage: Stage = Stage.LOCATED
     estimate: Estimate = field(init=False)
     health: Health = field(init=False)
     gone: Mask = field(init=False)
@@ -93,10 +95,10 @@ class Report(NamedTuple):
 
 
 class Use(NamedTuple):
-    """A table to go on with, instead of that of the tick's state."""
+    """A table or mask to go on with, instead of that of the tick's state."""
 
-    table: Literal["estimate", "visible", "goals", "setpoint"]
-    value: Estimate | Goals | Setpoint
+    table: Literal["estimate", "visible", "goals", "setpoint", "redirected"]
+    value: Estimate | Goals | Setpoint | Mask
 
 
 class Exclude(NamedTuple):
@@ -140,13 +142,12 @@ Finding: TypeAlias = Report | Use | Exclude | Strike | Brake | Misreport
 
 
 class Monitor(Protocol):
-    """Checks a tick after a stage; the control loop acts on the findings, one after the other.
+    """Checks a tick after a stage; the control loop acts on the findings, one after the other."""
 
-    Attributes:
-        after: The stage.
-    """
-
-    after: Stage
+    @property
+    def after(self) -> Stage | tuple[Stage, ...]:
+        """The stage, or stages; `TickState.stage` is the present one."""
+        ...
 
     def check(self, state: TickState) -> Iterable[Finding]:
         """Return the findings; without any, a monitor costs as little as it can."""
@@ -188,14 +189,14 @@ class PluginMonitor:
         name = f"monitor {plugin.offer.name!r} ({plugin.source})"
         self._n, self._report = len(scene.agents), report
         self._guard = PluginGuard(name, compute_time.of(name, quiet=plugin.source.own))
-        self.after = Stage.LOCATED
+        self.after: Stage | tuple[Stage, ...] = Stage.LOCATED
         self._failure: PluginError | None = None
         self._dropped = False
         try:
             with PluginGuard(name):
                 self._monitor: Monitor = plugin.offer.make(scene)
                 require_signature(self._monitor.check, "check", ("state",))
-                self.after = Stage(self._monitor.after)
+                self.after = tuple(map(Stage, stages_of(self._monitor)))
         except PluginError as error:
             self._failure = error  # reported in flight
 
@@ -216,6 +217,11 @@ class PluginMonitor:
         return ()
 
 
+def stages_of(monitor: Monitor) -> tuple[Stage, ...]:
+    """Return the stages that a monitor checks."""
+    return monitor.after if isinstance(monitor.after, tuple) else (monitor.after,)
+
+
 def plugin_monitors(
     scene: Scene, registry: Registry, compute_time: ComputeTime, report: Callable[[str], None]
 ) -> Iterator[PluginMonitor]:
@@ -234,6 +240,8 @@ def checked_finding(finding: Finding, n: int) -> Finding:
             checked_goals(table, n)
         case Use("setpoint", table):
             checked_setpoint(table, n)
+        case Use("redirected", np.ndarray(shape=(rows,), dtype=np.bool_)) if rows == n:
+            pass
         case Exclude(row, SafetyAction()) if 0 <= row < n:
             pass
         case Strike(kind) if kind in PIPELINE_KINDS:

@@ -20,6 +20,7 @@ from star_core.messages.faults import Fault as Fault
 from star_core.messages.position_margin import ALONE_SHARE as ALONE_SHARE
 from star_core.messages.position_margin import MAX_MARGIN_RATIO as MAX_MARGIN_RATIO
 from star_core.messages.position_margin import YIELD_TIME as YIELD_TIME
+from star_core.messages.position_margin import position_deviation as position_deviation
 from star_core.messages.position_margin import position_margin as position_margin
 from star_core.messages.position_margin import yielding_margin as yielding_margin
 from star_core.messages.rotations import quaternion_from_euler as quaternion_from_euler
@@ -52,6 +53,10 @@ from star_core.records.study_results import value_at as value_at
 from star_core.rehearsal import Outcome as Outcome
 from star_core.rehearsal import Rehearsal as Rehearsal
 from star_core.rehearsal import RehearsedStep as RehearsedStep
+from star_core.safety.braking import BRAKING_GAIN as BRAKING_GAIN
+from star_core.safety.braking import LAG as LAG
+from star_core.safety.braking import RETURN_SPEED as RETURN_SPEED
+from star_core.safety.filter import MIN_CORRECTION as MIN_CORRECTION
 from star_core.safety.ground_evidence import GroundEvidence as GroundEvidence
 from star_core.safety.monitors import Brake as Brake
 from star_core.safety.monitors import Exclude as Exclude
@@ -63,6 +68,9 @@ from star_core.safety.monitors import Stage as Stage
 from star_core.safety.monitors import Strike as Strike
 from star_core.safety.monitors import TickState as TickState
 from star_core.safety.monitors import Use as Use
+from star_core.safety.walls import Walls as Walls
+from star_core.safety.walls import nearest_wall as nearest_wall
+from star_core.safety.walls import walls as walls
 from star_core.toolkit.camera_model import CameraModel as CameraModel
 from star_core.toolkit.camera_model import distort as distort
 from star_core.toolkit.camera_model import perspective as perspective

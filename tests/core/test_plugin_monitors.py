@@ -81,7 +81,7 @@ FINDINGS: tuple[Finding, ...] = (
 @pytest.mark.parametrize("finding", FINDINGS, ids=lambda finding: type(finding).__name__)
 def test_findings_of_a_plugin_are_passed_on(finding: Finding) -> None:
     checked, events = monitor(yielding(finding))
-    assert checked.after is Stage.AVOIDED
+    assert checked.after == (Stage.AVOIDED,)
     assert [*checked.check(state())] == [finding]
     assert not events
 

@@ -12,8 +12,8 @@ from hypothesis.extra.numpy import arrays
 
 from star_core import Estimate, Obstacle, Transform
 from star_core.messages.position_margin import position_margin
-from star_core.safety.room import Room
 from star_core.testing import scene
+from star_monitors.room import Room
 
 N = 4
 PILLAR = Obstacle("pillar", (((0.0, 0.0), (0.5, 0.0), (0.5, 0.5), (0.0, 0.5)),), (0.0, 2.0))

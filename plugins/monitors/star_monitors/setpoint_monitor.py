@@ -9,13 +9,20 @@ from typing import Final
 
 import numpy as np
 
-from star_core.messages.arrays import Array, Mask, frozen, some
-from star_core.messages.state import Estimate, Goals, Setpoint
-from star_core.safety.braking import BRAKING_GAIN, LAG, RETURN_SPEED
-from star_core.safety.filter import MIN_CORRECTION
-from star_core.safety.monitors import Stage, Strike, TickState, Use
-from star_core.toolkit.jit import compiled
-from star_core.world.scene import Scene
+from star_core import Array, Estimate, Goals, Mask, Scene, Setpoint
+from star_core.toolkit import (
+    BRAKING_GAIN,
+    LAG,
+    MIN_CORRECTION,
+    RETURN_SPEED,
+    Stage,
+    Strike,
+    TickState,
+    Use,
+    compiled,
+    frozen,
+    some,
+)
 
 PRESSED_TIME: Final = 0.5
 """Time after which an agent that the fence holds back is drawn in, s."""

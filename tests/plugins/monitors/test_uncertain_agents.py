@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from star_core import Array, Goals, Limits, Obstacle, Setpoint
-from star_core.safety.uncertain_agents import (
+from star_core.testing import estimate, scene
+from star_monitors.uncertain_agents import (
     MAX_RETURNS,
     PARTING_TIME,
     WAITING_TIME,
     UncertainAgents,
 )
-from star_core.testing import estimate, scene
 
 BOX = Obstacle("box2", (((1.0, -1.0), (2.0, -1.0), (2.0, 1.0), (1.0, 1.0)),), (0.0, 2.0))
 GOAL = (0.8, 0.5, 1.0)
@@ -31,10 +31,7 @@ class Flight:
         self.events: list[str] = []
         self.lands: list[str] = []
         self.goal = np.tile(GOAL, (n, 1))  # m, after the last tick
-        self._agents = UncertainAgents(
-            replace(room, world=replace(room.world, obstacles=(BOX,))),
-            lambda text, _agent: self.events.append(text),
-        )
+        self._agents = UncertainAgents(replace(room, world=replace(room.world, obstacles=(BOX,))))
         self._time = 0.0
         self._landing = np.zeros(n, np.bool_)
 
@@ -72,6 +69,7 @@ class Flight:
             now = replace(now, covariance=np.tile(variance, (n, 1, 1)))
             airborne = np.ones(n, np.bool_)
             led, lands = self._agents.redirect(now, ~self._landing, self._landing, airborne, goals)
+            self.events += [report.text for report in self._agents.reports]
             for row, reason in lands:
                 self._landing[row] = True
                 self.lands.append(f"cf{row + 1}: {reason}")

@@ -3,21 +3,26 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from enum import IntEnum
 from typing import Final
 
 import numpy as np
 
-from star_core.messages.arrays import Array, Mask, Rows, some
-from star_core.messages.position_margin import position_deviation
-from star_core.messages.state import Estimate, Goals, Setpoint
-from star_core.safety.monitors import Exclude, SafetyAction, TickState, Use
-from star_core.safety.monitors import Stage as TickStage
-from star_core.safety.room import PARTING_SPEED, PairRoom, Room, WallRoom
-from star_core.world.scene import Scene
-from star_core.world.world import CONTACT_RADIUS
+from star_core import Array, Estimate, Goals, Mask, Rows, Scene, Setpoint
+from star_core.toolkit import (
+    CONTACT_RADIUS,
+    Exclude,
+    Report,
+    SafetyAction,
+    TickState,
+    Use,
+    position_deviation,
+    some,
+)
+from star_core.toolkit import Stage as TickStage
+from star_monitors.room import PARTING_SPEED, PairRoom, Room, WallRoom
 
 RELEASE_USE: Final = 0.8  # of its room: an agent that uses less flies on
 WAITING_USE: Final = 2 / 3  # of the room to an agent that lands, from which on others wait for it
@@ -54,14 +59,17 @@ class UncertainAgents:
 
     Args:
         scene: World, limits and names.
-        report: Receives the text of an event and the agent's name.
+
+    Attributes:
+        reports: Of this tick.
     """
 
-    after = TickStage.AIMED
+    after = TickStage.AIMED, TickStage.PLANNED
 
-    def __init__(self, scene: Scene, report: Callable[[str, str], None]) -> None:
+    def __init__(self, scene: Scene) -> None:
         n = len(scene.agents)
-        self._scene, self._report = scene, report
+        self._scene = scene
+        self.reports: list[Report] = []
         self._room = Room(scene)
         self._std = np.zeros(n)  # m, of the tick before
         self._corrected_at = np.full((n, 2), np.nan)  # m
@@ -75,21 +83,28 @@ class UncertainAgents:
         self._near = NOTHING_NEAR
         self._stopped = np.zeros(n, np.bool_)  # in the last tick
 
-    def check(self, state: TickState) -> Iterator[Use | Exclude]:
-        """Yield the goals of agents that return, and the agents that must land."""
+    def check(self, state: TickState) -> Iterator[Report | Use | Exclude]:
+        """Yield the goals of agents that return, and the agents that must land.
+
+        Once planned, yield the setpoint without what leads nearer to what there is no room to, and
+        the agents that brake or return.
+        """
+        if state.stage is TickStage.PLANNED:
+            stopped = self.stop(state.setpoint)
+            if stopped is not state.setpoint:
+                yield Use("setpoint", stopped)
+            redirected: Mask = (self._stage > 0) | self._stopped  # `Stage.FLIES`
+            if some(redirected):
+                yield Use("redirected", redirected)
+            return
         goals, lands = self.redirect(
             state.estimate, state.steered, state.landing, state.airborne, state.goals
         )
+        yield from self.reports
         for row, reason in lands:
             yield Exclude(row, SafetyAction.LAND, reason, fails=True)
         if goals is not state.goals:
             yield Use("goals", goals)
-
-    @property
-    def redirected(self) -> Mask:
-        """Agents that brake or return, whatever their goals: (N,)."""
-        redirected: Mask = (self._stage > 0) | self._stopped  # `Stage.FLIES`
-        return redirected
 
     def redirect(
         self, estimate: Estimate, steered: Mask, landing: Mask, airborne: Mask, goals: Goals
@@ -103,7 +118,7 @@ class UncertainAgents:
             airborne: (N,) agents in the air.
             goals: The tasks'.
         """
-        self._near = NOTHING_NEAR
+        self._near, self.reports = NOTHING_NEAR, []
         if self._scene.limits.uncertainty_margin == 0.0:
             return goals, []
         self._time = estimate.time
@@ -250,6 +265,9 @@ class UncertainAgents:
             return f"{reason}, and not located again"
         return None
 
+    def _report(self, text: str, agent: str) -> None:
+        self.reports.append(Report("safety", text, agent))
+
     def _begin_return(self, row: int, estimate: Estimate) -> None:
         self._stage[row] = Stage.RETURNS
         self._returns[row] += 1
@@ -271,22 +289,3 @@ class UncertainAgents:
             speed=np.where(returns, self._scene.limits.speed, goals.speed),
             active=goals.active | returns,
         )
-
-
-class StoppedAgents:
-    """Stops agents where planned setpoints lead nearer to what there is no room to.
-
-    Args:
-        agents: Knows which these are.
-    """
-
-    after = TickStage.PLANNED
-
-    def __init__(self, agents: UncertainAgents) -> None:
-        self._agents = agents
-
-    def check(self, state: TickState) -> Iterator[Use]:
-        """Yield the planned setpoint, changed for these agents."""
-        stopped = self._agents.stop(state.setpoint)
-        if stopped is not state.setpoint:
-            yield Use("setpoint", stopped)

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from star_core import Estimate, Goals, Setpoint
-from star_core.safety import setpoint_monitor
 from star_core.safety.monitors import TickState, Use
-from star_core.safety.setpoint_monitor import SetpointMonitor
 from star_core.testing import estimate, scene
 from star_core.testing.inputs import flight_telemetry
+from star_monitors import setpoint_monitor
+from star_monitors.setpoint_monitor import SetpointMonitor
 
 N = 3
 VALUES = np.array([0.0, 0.4, 0.5, -0.5, 9.0, np.nan, np.inf])  # m/s and m; 9 leads out of any fence

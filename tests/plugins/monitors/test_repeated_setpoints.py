@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from star_core import Array, Goals, Setpoint
-from star_core.safety.setpoint_monitor import (
+from star_core.testing import estimate, scene
+from star_monitors.setpoint_monitor import (
     ARRIVAL,
     MIN_CHANGE,
     OUTWARD_TIME,
@@ -17,7 +18,6 @@ from star_core.safety.setpoint_monitor import (
     FencePress,
     RepeatedSetpoints,
 )
-from star_core.testing import estimate, scene
 
 TICK = 0.05  # s
 Way = Callable[[int], tuple[float, ...]]

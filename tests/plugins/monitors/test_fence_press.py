@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from star_core import Array, Estimate, Setpoint
-from star_core.safety.setpoint_monitor import MAX_DRAW_IN, SIGMAS, FencePress
 from star_core.testing import estimate, scene
+from star_monitors.setpoint_monitor import MAX_DRAW_IN, SIGMAS, FencePress
 
 SPEED, TICK, HIGH = 0.5, 0.05, float(scene(1).world.fence.high[0])  # m/s, s, m
 ALONG = np.array([[1.0, 0.0, 0.0]])

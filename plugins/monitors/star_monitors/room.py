@@ -7,15 +7,19 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from star_core.geometry.neighbours import Pairs
-from star_core.messages.arrays import Array, Mask, Rows, frozen
-from star_core.messages.position_margin import ALONE_SHARE, MAX_MARGIN_RATIO
-from star_core.messages.state import Estimate
-from star_core.safety.braking import LAG
-from star_core.safety.walls import Walls, nearest_wall, walls
-from star_core.toolkit.jit import compiled
-from star_core.world.scene import Scene
-from star_core.world.world import CONTACT_RADIUS
+from star_core import Array, Estimate, Mask, Rows, Scene
+from star_core.toolkit import (
+    ALONE_SHARE,
+    CONTACT_RADIUS,
+    LAG,
+    MAX_MARGIN_RATIO,
+    Pairs,
+    Walls,
+    compiled,
+    frozen,
+    nearest_wall,
+    walls,
+)
 
 WALL_SHARE: Final = 0.5
 """Share of `Limits.uncertainty_margin` that agents need as room to obstacles and fence: by default
