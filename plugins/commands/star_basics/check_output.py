@@ -8,6 +8,8 @@ import re
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
+from itertools import groupby
+from operator import attrgetter
 from pathlib import Path
 from typing import Final, NamedTuple
 from unicodedata import east_asian_width
@@ -47,10 +49,13 @@ def print_text(checked: Sequence[CheckedFile], standard_input: bytes) -> None:
     paint = _paint if on_terminal() and not os.environ.get("NO_COLOR") else _plain
     sources = {str(STDIN): _lines(standard_input)}
     lines = []
-    for problem in (problem for file in checked for problem in file.problems):
-        if problem.file not in sources:
-            sources[problem.file] = _lines_of(Path(problem.file))
-        lines += [_headline(problem, paint), *excerpt(problem, sources[problem.file], paint)]
+    problems = (problem for file in checked for problem in file.problems)
+    for (name, _, _), some in groupby(problems, attrgetter("file", "line", "column")):
+        at_same_position = list(some)
+        if name not in sources:
+            sources[name] = _lines_of(Path(name))
+        lines += [_headline(problem, paint) for problem in at_same_position]
+        lines += excerpt(at_same_position[-1], sources[name], paint)
     if lines:
         lines += [paint(_summary(checked), BOLD), ""]
     with suppress(OSError):  # nothing reads stderr any more

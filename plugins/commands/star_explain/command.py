@@ -64,10 +64,10 @@ def as_data(part: Part, rehearsal: Rehearsal) -> dict[str, Any]:
     times = {"takes_s": part.takes, "timeout_s": part.limit}
     if isinstance(part, Group):
         how = "at_once" if part.at_once else "in_order"
-        title = {"when": part.title} if part.title else {}
-        how = "either" if part.title and part.at_once else how
+        how = "either" if part.kind == "choice" else how
         return {
-            **title,
+            "type": part.kind,
+            **({"when": part.title} if part.title else {}),
             how: [as_data(inner, rehearsal) for inner in part.parts],
             "times": part.times,
             **times,
@@ -80,6 +80,7 @@ def _step(
 ) -> dict[str, Any]:
     action = result.action
     return {
+        "type": "step",
         "verb": action.verb,
         "location": action.location,
         "agents": list(result.agents),

@@ -47,7 +47,7 @@ class _Chart:
     def sequence(self, group: Group, before: str) -> str:
         """Draw steps in sequence after a node; return the last node."""
         for part in group.parts:
-            if isinstance(part, Group) and part.standing:
+            if isinstance(part, Group) and part.kind == "reaction":
                 self._framed(part.title, part, self._node("([{}])", "at any time"))
             else:
                 before = self._part(part, group, before)

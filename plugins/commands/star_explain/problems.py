@@ -13,7 +13,7 @@ from star_explain.jam import jam_problems
 from star_explain.origins import Origins
 from star_explain.parked import parked_problems
 from star_explain.results import results, steps_of
-from star_explain.variants import AllFly, variants
+from star_explain.variants import MAX_REACTIONS, AllFly, variants
 
 
 def problems(
@@ -40,6 +40,9 @@ def problems(
                 where, _ = early.location.rsplit(":", 1)
                 message = f"if the reaction at {where} comes early: {problem.message}"
                 yield problem._replace(message=message, warning=True)
+    for reaction in mission.reactions[MAX_REACTIONS : MAX_REACTIONS + 1]:
+        text = f"this reaction, and all after it, are not rehearsed: only {MAX_REACTIONS} are"
+        yield Problem(reaction.at, text, "not-rehearsed", warning=True)
 
 
 def _of_variant(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TypeAlias
+from typing import Literal, TypeAlias
 
 from star_core import Array, Mission, Registry
 from star_core.toolkit import (
@@ -20,6 +20,7 @@ from star_core.toolkit import (
 )
 from star_explain.origins import Origins
 from star_explain.surroundings import Surroundings
+from star_explain.variants import MAX_REACTIONS
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,6 +78,9 @@ class StepResult:
         return any(step.on_board for step in self.rounds)
 
 
+GroupKind: TypeAlias = Literal["group", "choice", "branch", "reaction"]
+
+
 @dataclass(frozen=True, slots=True)
 class Group:
     """Steps that run in parallel or in sequence.
@@ -86,14 +90,14 @@ class Group:
         times: Number of repetitions.
         parts: The steps.
         title: When they run, if that depends on a condition; of both branches, the condition.
-        standing: Whether they are a reaction, which no other step leads to.
+        kind: Of a reaction, which no other step leads to; of a choice, or one of its branches.
     """
 
     at_once: bool
     times: int
     parts: tuple[Part, ...]
     title: str = ""
-    standing: bool = False
+    kind: GroupKind = "group"
 
     @property
     def file(self) -> str:
@@ -136,7 +140,8 @@ def results(mission: Mission, registry: Registry, rehearsal: Rehearsal, origins:
     """Return the results of a mission's steps."""
     tree = _Tree(mission, registry, rehearsal, origins)
     parts = tuple(tree.of(step) for step in mission.steps)
-    return Group(at_once=False, times=1, parts=(*parts, *map(tree.reaction, mission.reactions)))
+    reactions = map(tree.reaction, mission.reactions, range(len(mission.reactions)))
+    return Group(at_once=False, times=1, parts=(*parts, *reactions))
 
 
 def steps_of(part: Part) -> Iterator[StepResult]:
@@ -177,6 +182,7 @@ class _Tree:
         self._rehearsal = rehearsal
         self._origins = origins
         self._surroundings = Surroundings(mission, registry, rehearsal)
+        self._absent = "no agents are left for it"
 
     def of(self, node: Node) -> Part:
         """Return the results of a step."""
@@ -189,23 +195,39 @@ class _Tree:
             case Repeat(times, steps):
                 return self._sequence(steps, times=times)
             case Choice(when, _, steps, otherwise):
-                sequences = [self._sequence(steps, title="if so")]
+                sequences = [self._sequence(steps, title="if so", kind="branch")]
                 if otherwise:
-                    sequences.append(self._sequence(otherwise, title="otherwise"))
-                return Group(at_once=True, times=1, parts=tuple(sequences), title=f"if {when}")
+                    other = self._sequence(otherwise, title="otherwise", kind="branch")
+                    sequences.append(other)
+                return Group(
+                    at_once=True,
+                    times=1,
+                    parts=tuple(sequences),
+                    title=f"if {when}",
+                    kind="choice",
+                )
 
-    def reaction(self, reaction: Reaction) -> Group:
-        """Return the results of what is done on a condition."""
-        return replace(self._sequence(reaction.steps, title=f"on {reaction.when}"), standing=True)
+    def reaction(self, reaction: Reaction, number: int) -> Group:
+        """Return the results of what is done on a condition, as the reaction with this number."""
+        if number >= MAX_REACTIONS:
+            self._absent = f"not rehearsed: only {MAX_REACTIONS} reactions are"
+        return self._sequence(reaction.steps, title=f"on {reaction.when}", kind="reaction")
 
-    def _sequence(self, steps: Sequence[Node], *, times: int = 1, title: str = "") -> Group:
+    def _sequence(
+        self,
+        steps: Sequence[Node],
+        *,
+        times: int = 1,
+        title: str = "",
+        kind: GroupKind = "group",
+    ) -> Group:
         parts = tuple(self.of(step) for step in steps)
-        return Group(at_once=False, times=times, parts=parts, title=title)
+        return Group(at_once=False, times=times, parts=parts, title=title, kind=kind)
 
     def _action(self, action: Action) -> StepResult:
         rounds = tuple(self._origins.rounds.get(id(action), ()))
         if not rounds:
-            return StepResult(action, (), 0.0, 0.0, "no agents are left for it")
+            return StepResult(action, (), 0.0, 0.0, self._absent)
         first, rehearsal = rounds[0], self._rehearsal
         relative = first.duration is not None and self._origins.is_relative(first)
         goals = rehearsal.last_goals(first)[list(first.rows)]

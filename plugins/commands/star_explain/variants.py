@@ -13,18 +13,20 @@ from star_core.toolkit import Choice, Node
 
 ALWAYS: Final = AllOf(())
 NEVER: Final = Not(ALWAYS)
+MAX_REACTIONS: Final = 10  # with a variant each: every one takes a rehearsal
 
 
 def variants(mission: Mission) -> Iterator[Mission]:
     """Yield a mission; if it chooses steps, one with each outcome of all choices; its reactions.
 
-    A variant for each reaction has it come once all agents fly. All consist of the same actions.
+    A variant for each of the first `MAX_REACTIONS` reactions has it come once all agents fly. All
+    consist of the same actions.
     """
     yield mission
     if any(isinstance(node, Choice) for node in nodes(mission.all_steps)):
         for outcome in (ALWAYS, NEVER):
             yield mission.with_steps(partial(_decided, outcome=outcome))
-    for i, reaction in enumerate(mission.reactions):
+    for i, reaction in enumerate(mission.reactions[:MAX_REACTIONS]):
         others = mission.reactions[:i], mission.reactions[i + 1 :]
         comes = replace(reaction, when=AllFly())
         yield replace(mission, reactions=(*others[0], comes, *others[1]))

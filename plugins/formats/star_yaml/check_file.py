@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -22,19 +23,33 @@ def check_file(
     Args:
         path: Of the file.
         registry: Registry of the plugins.
-        assignments: ``path=value`` each, to be set in it first.
+        assignments: ``path=value`` each, to be set in it first, but not values that only missions
+            have in another kind of file.
 
     Raises:
         InputError: Something is wrong with it.
     """
     document = read(path)
     kind = registry.find("file_kind", kind_of(document.data, registry))
+    if assignments and kind.offer.name != "mission":
+        assignments = _applicable(assignments, kind.offer, registry)
     if kind.offer.name == "steps":
         return f"{path}: {_steps(override(document, assignments), registry)}", ()
     if kind.offer.check is None:
         return _mission(path, document, assignments, registry)
     document = override(document, assignments)
     return f"{path}: {guarded('file kind', kind, _checked, document, kind.offer, registry)}", ()
+
+
+def _applicable(
+    assignments: Sequence[str], kind: FileKindSpec, registry: Registry
+) -> Sequence[str]:
+    """Return the assignments without those of keys that missions have, and this kind does not."""
+    keys, own = (
+        set() if offer.schema is None else {*offer.schema(registry)["properties"]}
+        for offer in (registry.find("file_kind", "mission").offer, kind)
+    )
+    return [text for text in assignments if re.split(r"[.=]", text)[0] not in keys - own]
 
 
 def _checked(document: Document, kind: FileKindSpec, registry: Registry) -> str:

@@ -88,11 +88,23 @@ def admitting(schema: Mapping[str, Any]) -> dict[str, Any]:
 
 def _inner(key: str, rule: Any) -> Any:
     """Return what stands under a keyword, with the schemas in it made to admit parameters."""
-    if key in _MAPS:  # the name of a plugin is written out, so that editors offer it explained
-        return {n: inner if n == "use" else _admitting(inner) for n, inner in rule.items()}
+    if key in _MAPS:
+        return {
+            name: _named_or(inner) if name == "use" else _admitting(inner)
+            for name, inner in rule.items()
+        }
     if key in _LISTS:
         return [_admitting(inner) for inner in rule]
     return _admitting(rule) if key in _ONE else rule
+
+
+def _named_or(plugin: Any) -> Any:
+    """Return the schema of a plugin's name, as which editors offer all with what they do."""
+    if not (isinstance(plugin, dict) and "enum" in plugin):
+        return plugin
+    strict = {key: plugin[key] for key in _OF_STRINGS if key in plugin}
+    described = {key: rule for key, rule in plugin.items() if key not in strict}
+    return {**described, "anyOf": [strict, _NAMED], "examples": plugin["enum"]}
 
 
 def _admitting(schema: Any) -> Any:

@@ -101,6 +101,22 @@ def test_a_folder_without_files_of_star_is_refused(capsys: Printed) -> None:
     assert main(["check", "site", "site/mkdocs.yml", "--skip-others"]) == 0
 
 
+def test_the_seed_of_missions_leaves_other_files_as_they_are(capsys: Printed) -> None:
+    Path("good.yaml").write_text(HOP)
+    assert main(["check", "good.yaml", "room.yaml", "--seed", "3"]) == 0
+    assert main(["check", "room.yaml", "--set", "fense=3"]) == 2
+    assert capsys.readouterr().err.splitlines()[-2].endswith("[unknown-option]")
+
+
+def test_problems_at_one_position_have_one_excerpt(capsys: Printed) -> None:
+    Path("bare.yaml").write_text("star: 1\nname: bare\nmission: [takeoff: {}]\nworld: room.yaml\n")
+    assert main(["check", "bare.yaml"]) == 2
+    lines = capsys.readouterr().err.splitlines()
+    missing = [line for line in lines if line.startswith("bare.yaml:1:1: ")]
+    assert len(missing) == 5
+    assert lines.count(" 1 | star: 1") == 1
+
+
 def test_an_empty_name_is_not_the_current_folder(capsys: Printed) -> None:
     Path("good.yaml").write_text(HOP)
     assert main(["check", ""]) == 2

@@ -18,6 +18,7 @@ from star_core.toolkit import Exclusive
 from star_explain.origins import Origins
 from star_explain.plan import plan
 from star_explain.results import Group, StepResult, results
+from star_explain.variants import MAX_REACTIONS
 from tests.commands import command
 
 main = command("explain")
@@ -159,6 +160,8 @@ def test_a_choice_is_drawn_with_its_two_ways(explain: Explain) -> None:
     assert chart.count(" -- otherwise --> ") == 1
     data = json.loads(explain(CHOICE, "--json"))["plan"]["in_order"]
     assert (data[1]["when"], len(data[1]["either"])) == ("if a battery is below 3 V", 2)
+    types = [data[0]["type"], data[1]["type"], *(branch["type"] for branch in data[1]["either"])]
+    assert types == ["step", "choice", "branch", "branch"]
 
 
 def test_reactions_are_reported_after_the_steps(explain: Explain) -> None:
@@ -168,9 +171,22 @@ def test_reactions_are_reported_after_the_steps(explain: Explain) -> None:
     assert "  2  on a battery is below 3 V: about 3.0 s, at most 14 s" in lines
     assert any(line.startswith("    2.1  hold cf1") for line in lines)
     assert any(line.startswith("plan: about 2.9 s") for line in lines)
+    data = json.loads(explain(steps, "--json", beside=more))["plan"]["in_order"]
+    assert [part["type"] for part in data] == ["step", "reaction"]
     chart = explain(steps, "--mermaid", beside=more)
     assert '["on a battery is below 3 V"]' in chart
     assert '(["at any time"])' in chart
+
+
+def test_reactions_beyond_a_number_are_not_rehearsed(explain: Explain, write: Write) -> None:
+    few = [f"{{when: {{time: {90 + i}}}, then: [hold: {{for: 1}}]}}" for i in range(MAX_REACTIONS)]
+    last = "{when: {time: 300}, then: [hold: {for: 2}]}"
+    steps, more = "  - takeoff: {height: 0.6}\n", f"on: [{', '.join([*few, last])}]"
+    assert explain(steps, beside=more).count("! in the rehearsal: not rehearsed: only") == 1
+    path = write(steps, beside=more)
+    (text,) = [text for text in check_file(path, Registry(), [])[1] if "[not-rehearsed]" in text]
+    line = path.read_text().splitlines().index(more) + 1
+    assert text.startswith(f"{path}:{line}:{more.index(last) + 1}: warning: ")
 
 
 def test_steps_that_an_early_reaction_spoils_are_warned_of(write: Write) -> None:

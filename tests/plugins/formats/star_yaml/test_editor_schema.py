@@ -15,7 +15,7 @@ from jsonschema import Draft202012Validator
 
 from star_core.formats.located import Location
 from star_core.plugin_support.registry import Registry
-from star_yaml.editor_schema import NAMED_VALUE, admitting, for_editors
+from star_yaml.editor_schema import NAMED_VALUE, admitting, editor_schema, for_editors
 from star_yaml.schema import _depends as depends
 from star_yaml.schema import compose_steps
 from star_yaml.yaml_reader import parse
@@ -153,3 +153,13 @@ def test_a_value_of_a_set_is_still_offered() -> None:
     made = admitting({"enum": ["land", "hold"], "examples": ["land"], "default": "hold"})
     assert made["examples"] == ["land", "hold"]
     assert made["default"] == "hold"
+
+
+@pytest.mark.parametrize(
+    ("used", "valid"),
+    [("$way", True), ("orca", True), ({"use": "$way"}, True), ({"use": "orka"}, False)],
+)
+def test_plugins_may_be_named_by_a_parameter(used: Any, *, valid: bool) -> None:
+    mission = parse((MISSIONS / "hello.yaml").read_text(encoding="utf-8"), "").plain()
+    schema = editor_schema("mission", Registry())
+    assert Draft202012Validator(schema).is_valid({**mission, "avoider": used}) is valid
