@@ -65,6 +65,7 @@ SCRIPTS = {
     "disturbances": Small("--json --images 1"),
     "downwash": Small("--json --seeds 1", campaign="10 s"),
     "drag": Small(str(FLIGHTS), needs=(FLIGHTS,), campaign="20 s", prints="|"),
+    "drag_bound": Small("", {"SPEEDS": (1.0,), "LEARNT": 5.0}, prints="circle"),
     "durations": Small("missions/first_flight.yaml", prints="first_flight"),
     "tests.campaign.faults": Small(
         "--cells 'no fault' --seeds 1 --processes 1 --results {tmp}/faults.json", prints="|"
