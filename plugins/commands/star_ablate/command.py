@@ -18,7 +18,7 @@ from star_ablate.dry_run import describe
 from star_ablate.flight import Job, Result
 from star_ablate.journal import JOURNAL, Journal, StudyProgress, entries
 from star_ablate.reading import read
-from star_ablate.results import as_markdown, study_results
+from star_ablate.results import study_results
 from star_ablate.shards import ABOUT, Shard, merged, require_shard, shard
 from star_ablate.study import Run, Study
 from star_ablate.workers import fly_all
@@ -62,10 +62,19 @@ def run(options: argparse.Namespace, registry: Registry) -> int:
             flown = _fly(
                 study, folder, options.workers, chosen=options.shard, record=options.record
             )
+    report = write_report(folder, registry)
     if not options.quiet:
-        table = (folder / TABLE).read_text(encoding="utf-8")
-        sys.stdout.write(f"{table}\nresults: {folder}\n{write_report(folder, registry)}\n")
+        sys.stdout.write(f"{_means(folder)}\nresults: {folder}\n{report}\n")
     return INTERRUPTED if flown.interrupted else DONE
+
+
+def _means(folder: Path) -> str:
+    """Return the first table of a study, with the number of its runs."""
+    try:
+        text = (folder / TABLE).read_text(encoding="utf-8")
+    except FileNotFoundError:  # no installed plugin writes it
+        return ""
+    return "\n## ".join(text.split("\n## ")[:2])
 
 
 def fly_study(path: Path, folder: Path, workers: int | None, registry: Registry) -> StudyResults:
@@ -118,13 +127,13 @@ def configure(line: argparse.ArgumentParser) -> None:
         "--dry-run", action="store_true", help="print conditions, runs and the expected time only"
     )
     line.add_argument("--record", action="store_true", help="keep the record of every run")
-    line.add_argument("--quiet", action="store_true", help="print no table and write no report")
+    line.add_argument("--quiet", action="store_true", help="print no table")
 
 
 def _fly(
     study: Study, folder: Path, workers: int, *, chosen: Shard | None = None, record: bool = False
 ) -> StudyResults:
-    """Fly the runs that are missing in `folder`, write the tables, and return the results."""
+    """Fly the runs that are missing in `folder`, write their table, and return the results."""
     chosen = chosen or Shard()
     _begin(study, folder, chosen)
     runs = chosen.of(list(study.runs()))
@@ -151,14 +160,14 @@ def _fly(
                     _require_measures(study, result.summary)
                     unchecked = False
     done = [(run, results_by_key[run.key]) for run in runs if run.key in results_by_key]
-    flown = _write_tables(study, folder, done, interrupted=bool(interrupts))
+    flown = _write_results(study, folder, done, interrupted=bool(interrupts))
     if interrupts:
         sys.stderr.write(f"star: interrupted; to resume, add `--out {folder}`\n")
     return flown
 
 
 def _merge(study: Study, folder: Path, folders: Sequence[Path]) -> StudyResults:
-    """Write the tables of all shards of a study, and return their results."""
+    """Write the table of all shards of a study, and return their results."""
     if folder.resolve() in [each.resolve() for each in folders]:
         raise InputError(f"--out {folder}: is to be merged; name another", "option-conflict")
     runs = list(study.runs())
@@ -171,7 +180,7 @@ def _merge(study: Study, folder: Path, folders: Sequence[Path]) -> StudyResults:
                 if run.key not in journal.done:
                     journal.add(run, results_by_key[run.key])
         done = [(run, results_by_key[run.key]) for run in runs]
-        return _write_tables(study, folder, done, interrupted=False)
+        return _write_results(study, folder, done, interrupted=False)
 
 
 def _begin(study: Study, folder: Path, chosen: Shard) -> None:
@@ -180,6 +189,7 @@ def _begin(study: Study, folder: Path, chosen: Shard) -> None:
     plugins = {str(choice) for c in study.conditions for choice in c.mission.plugins.values()}
     about = {
         "study": study.data,
+        "runs": len(chosen.of(range(study.each * len(study.conditions)))),
         "seeds": study.seeds,
         "shard": f"{chosen.number}/{chosen.total}",
         "plugins": sorted(plugins),
@@ -188,14 +198,13 @@ def _begin(study: Study, folder: Path, chosen: Shard) -> None:
     replace_file(folder / ABOUT, json.dumps(about, indent=2) + "\n")
 
 
-def _write_tables(
+def _write_results(
     study: Study, folder: Path, done: Sequence[tuple[Run, Result]], *, interrupted: bool
 ) -> StudyResults:
-    """Write the tables of a study, and return its results."""
+    """Write the table of the runs of a study, and return its results."""
     flown = study_results(done, interrupted=interrupted)
     replace_file(folder / "results.csv", flown.as_csv(study.factors, study.measures))
     replace_file(folder / "timings.csv", flown.timings(study.factors))
-    replace_file(folder / TABLE, as_markdown(study, done))
     return flown
 
 

@@ -37,9 +37,8 @@ def star_run_options() -> Iterator[RunOptionSpec]:
 
 @hookimpl
 def star_report(folder: Path) -> Path:
-    from star_report.command import require_plotly, write
+    from star_report.command import write
 
-    require_plotly()
     return write(folder)
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from star_core import InputError, Registry, read_run
 from star_core.commands import replace_file, writing
 from star_core.toolkit import Progress
-from star_report import study
+from star_report.study import FILE
 
 
 def run(options: argparse.Namespace, _registry: Registry) -> int:
@@ -19,7 +19,6 @@ def run(options: argparse.Namespace, _registry: Registry) -> int:
     Raises:
         InputError: The folder holds no complete record, or the page cannot be written.
     """
-    require_plotly()
     out = write(Path(options.run), Path(options.out) if options.out else None)
     sys.stdout.write(f"{out}\n")
     return 0
@@ -35,13 +34,22 @@ def require_plotly() -> None:
 def write(folder: Path, out: Path | None = None) -> Path:
     """Write the page of a run or a study and return its file, ``report.html`` if not given.
 
+    Tables, statistics and figures of a study are written beside its page, unless that is elsewhere.
+
     Raises:
         InputError: The folder holds no complete record, or the page cannot be written.
     """
-    with Progress(f"drawing the report of {folder}"):
-        text = _page(folder)
     path = out or folder / "report.html"
-    with writing(path):
+    with Progress(f"drawing the report of {folder}"), writing(path):
+        if (folder / FILE).is_file():
+            from star_report.study_page import page, report, write_tables
+
+            study = report(folder)
+            text = page(study)
+            if out is None:
+                write_tables(study, folder)
+        else:
+            text = _page(folder)
         if out is None:  # the folder may be of others
             replace_file(path, text)
         else:
@@ -50,13 +58,12 @@ def write(folder: Path, out: Path | None = None) -> Path:
 
 
 def _page(folder: Path) -> str:
-    """Return the page of a run or of a study.
+    """Return the page of a run.
 
     Raises:
-        InputError: The folder holds neither.
+        InputError: The folder holds none, or the package that draws is not installed.
     """
-    if (folder / study.FILE).is_file():
-        return study.page(folder)
+    require_plotly()
     from star_report.page import page
 
     return page(read_run(folder, flown=True))
@@ -67,7 +74,8 @@ def configure(line: argparse.ArgumentParser) -> None:
     line.description = (
         "Write a recorded flight or a study as one HTML page that needs no network. "
         "Of a flight: outcome, events, top view, 3-D replay, and error, separation, altitude and "
-        "battery over time. Of a study: each measure by condition, and differences to the first."
+        "battery over time. Of a study: measures by condition, differences, marginal means; "
+        "and beside the page tables (Markdown, LaTeX), statistics (CSV) and figures (SVG)."
     )
     line.add_argument("run", help="folder of a run or of a study: runs/TIME-NAME")
     line.add_argument("-o", "--out", metavar="FILE", help="file to write (RUN/report.html)")

@@ -21,6 +21,7 @@ MIN_SAMPLE: Final = 5  # runs, below which there is no interval
 MIN_BOOTSTRAP: Final = 20  # runs, below which BCa intervals are too narrow
 RESAMPLES: Final = 1999
 BATCH: Final = 2_000_000  # values that are resampled at a time
+ROUNDING: Final = 1e-12  # of a value
 DISPERSED: Final = 0.05  # p-value of the index of dispersion, below which counts are not Poisson
 
 
@@ -90,7 +91,7 @@ def _interval(sample: Sequence[float], *, signed: bool) -> tuple[float, float, s
     if counts and not any(sample):
         return *poisson(0, n), "Poisson"
     values = np.array(sample, float)
-    if values.min() == values.max():
+    if _equal(values):
         return None
     if counts and not _dispersed(values):
         return *poisson(int(values.sum()), n), "Poisson"
@@ -152,6 +153,11 @@ def poisson(events: int, n: int) -> tuple[float, float]:
     return low / n, float(stats.chi2.isf(tail, 2 * events + 2)) / 2 / n
 
 
+def _equal(values: Array) -> bool:
+    """Whether values are the same but for rounding."""
+    return bool(np.ptp(values) <= ROUNDING * np.abs(values).max())
+
+
 def _dispersed(counts: Array) -> bool:
     """Whether counts vary more than those of a Poisson distribution, by the index of dispersion."""
     index = counts.var(ddof=1) / counts.mean()
@@ -173,7 +179,7 @@ def median(sample: Sequence[float]) -> Estimate:
     n, rank = len(values), _rank(len(values))
     std = float(values.std(ddof=1)) if n > 1 else math.nan
     middle = float(np.median(values))
-    if n < MIN_SAMPLE or not rank or values[0] == values[-1]:
+    if n < MIN_SAMPLE or not rank or _equal(values):
         return Estimate(n, middle, std)
     return Estimate(n, middle, std, float(values[rank - 1]), float(values[n - rank]), "order")
 
@@ -181,14 +187,16 @@ def median(sample: Sequence[float]) -> Estimate:
 def p_value(differences: Sequence[float]) -> float | None:
     """Return the p-value of paired differences by Student's t; None below `MIN_SAMPLE`.
 
-    If all are equal, it is that of the sign test.
+    If none exceeds 1 and all are whole, as those of outcomes, or if all are equal, it is that of
+    the sign test, which is McNemar's exact test (Psychometrika 12, 1947) for outcomes.
     """
     values = np.array(differences, float)
     n = len(values)
     if n < MIN_SAMPLE:
         return None
-    if values.min() == values.max():
-        return float(2.0 ** (1 - n)) if values[0] else 1.0
+    if set(values.tolist()) <= {-1.0, 0.0, 1.0} or _equal(values):
+        changed = int(np.count_nonzero(values))
+        return float(stats.binomtest(int((values > 0).sum()), changed).pvalue) if changed else 1.0
     t = values.mean() / (values.std(ddof=1) / math.sqrt(n))
     return float(2 * stats.t.sf(abs(t), n - 1))
 

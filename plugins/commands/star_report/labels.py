@@ -1,4 +1,4 @@
-"""Names of measures for people: ``path_length_m.total`` is "distance flown (m)"."""
+"""Names of measures for people: ``path_length_m.total`` is "path length, m"."""
 
 from __future__ import annotations
 
@@ -13,13 +13,15 @@ LABELS: Final = {
     "corrected.obstacle": "corrections at obstacles",
     "corrected.separation": "corrections to keep the separation",
     "corrected.speed": "corrections of speed",
-    "min_clearance_m": "least clearance (m)",
-    "min_separation_m": "closest approach (m)",
-    "path_length_m.total": "distance flown (m)",
-    "position_mse_m2.mean": "mean squared position error (m²)",
+    "flight_time_s": "flight time, s",
+    "min_clearance_m": "least clearance, m",
+    "min_separation_m": "closest approach, m",
+    "outcome": "completed",
+    "path_length_m.total": "path length, m",
+    "position_mse_m2.mean": "mean squared position error, m²",
     "position_nees": "squared position error over its variance",
-    "position_rmse_m": "position error, RMS (m)",
-    "position_worst_m": "largest position error (m)",
+    "position_rmse_m": "position error (RMS), m",
+    "position_worst_m": "largest position error, m",
     "targets.found": "targets found",
     "targets.total": "targets",
 }
@@ -27,10 +29,10 @@ UNITS: Final = {"m": "m", "m2": "m²", "s": "s", "v": "V", "deg": "°", "rad": "
 
 
 def label(measure: str) -> str:
-    """Return the name of a measure, with its unit in parentheses.
+    """Return the name of a measure, with its unit.
 
     >>> label("min_separation_m"), label("waits.longest_s"), label("swirl_rate_rad.cf1")
-    ('closest approach (m)', 'waits: longest (s)', 'swirl rate: cf1 (rad)')
+    ('closest approach, m', 'waits: longest, s', 'swirl rate: cf1, rad')
     """
     if measure in LABELS:
         return LABELS[measure]
@@ -40,7 +42,7 @@ def label(measure: str) -> str:
         if stem and suffix in UNITS:
             word, unit = stem, UNITS[suffix]  # noqa: PLW2901 -- the rest of the word
         words.append(word.replace("_", " "))
-    return ": ".join(words) + (f" ({unit})" if unit else "")
+    return ": ".join(words) + (f", {unit}" if unit else "")
 
 
 def made(software: Mapping[str, Any], rows: Mapping[str, str]) -> dict[str, str]:

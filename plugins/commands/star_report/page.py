@@ -17,6 +17,7 @@ from star_report import charts, views
 from star_report.figures import Figure
 from star_report.images import images
 from star_report.labels import file_name, made
+from star_report.sheet import footer, sheet
 
 
 def page(run: Run) -> str:
@@ -43,14 +44,8 @@ def page(run: Run) -> str:
 
 def render(title: str, sections: Sequence[str]) -> str:
     """Return a page with sections of HTML and, in them, figures."""
-    template = (files("star_report") / "template.html").read_text(encoding="utf-8")
-    for mark, text in (
-        ("{{title}}", escape(title)),
-        ("{{body}}", "\n".join(sections)),
-        ("{{plotly}}", _plotly()),
-    ):
-        template = template.replace(mark, text)
-    return template
+    scripts = (files("star_report") / "figures.html").read_text(encoding="utf-8")
+    return sheet(title, sections, scripts.replace("{{plotly}}", _plotly()))
 
 
 def _plotly() -> str:
@@ -109,16 +104,6 @@ def _made(run: Run) -> str:
         "record": str(run.folder),
     }
     return footer(made(manifest, rows))
-
-
-def footer(rows: Mapping[str, str]) -> str:
-    """Return a section with how the flights were made."""
-    cells = ""
-    for name, text in rows.items():
-        code = "<code>{}</code>" if name in {"command", "mission", "record"} else "{}"
-        if text:
-            cells += f"<div><dt>{escape(name)}</dt><dd>{code.format(escape(text))}</dd></div>"
-    return f"<section><h2>How this was made</h2><dl class=made>{cells}</dl></section>"
 
 
 def section(number: int, title: str, caption: str, figure: Figure, key: str = "") -> str:

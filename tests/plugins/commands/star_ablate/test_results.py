@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import math
 from contextlib import closing
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy import stats
 
 from star_ablate.flight import Result
 from star_ablate.journal import Journal
-from star_ablate.results import as_markdown, finite, statistics, study_results
+from star_ablate.results import study_results
 from star_ablate.study import Condition, Run, Study
 from star_core.toolkit import value_at
 
@@ -36,28 +33,6 @@ def results(*summaries: Any) -> list[tuple[Run, Result]]:
 
 def as_csv(study: Study, flown: list[tuple[Run, Result]]) -> str:
     return study_results(flown, interrupted=False).as_csv(study.factors, study.measures)
-
-
-# The spread of a measure
-
-
-@given(st.lists(st.floats(-1e6, 1e6), min_size=2, max_size=20).filter(lambda x: len(set(x)) > 1))
-def test_the_interval_is_that_of_students_t(values: list[float]) -> None:
-    found = statistics(values)
-    expected = stats.ttest_1samp(values, 0).confidence_interval(0.95)
-    assert found.mean - found.half_width == pytest.approx(expected.low, rel=1e-6, abs=1e-6)
-    assert found.mean + found.half_width == pytest.approx(expected.high, rel=1e-6, abs=1e-6)
-
-
-def test_a_single_value_has_no_deviation() -> None:
-    found = statistics([3.0])
-    assert (found.n, found.mean) == (1, 3.0)
-    assert math.isnan(found.std)
-    assert math.isnan(found.half_width)
-
-
-def test_what_is_no_number_is_not_summed_up() -> None:
-    assert finite([1, 2.5, True, None, "x", math.nan, math.inf]) == [1.0, 2.5, 1.0]
 
 
 @pytest.mark.parametrize(
@@ -86,44 +61,6 @@ def test_what_is_a_column_already_is_not_there_twice() -> None:
 def test_maps_and_lists_stand_as_json() -> None:
     table = as_csv(a_study("a", "b"), results({"a": {"x": 1}, "b": [True]}))
     assert table.splitlines()[1] == 'hop,orca,0,completed,,"{""x"": 1}",[true]'
-
-
-# results.md
-
-
-def test_a_measure_is_summed_up_over_seeds() -> None:
-    page = as_markdown(a_study("a"), results({"a": 1.0}, {"a": 3.0}))
-    assert "| mission | avoider | n | completed | a |" in page
-    assert "| hop | orca | 2 | 100% | 2 ± 1.41 [-10.7, 14.7] |" in page
-
-
-def test_a_measure_that_some_runs_lack_shows_how_many_have_it() -> None:
-    page = as_markdown(a_study("a", seeds=3), results({"a": 1.0}, {"a": 3.0}, {"a": None}))
-    assert "| 2 ± 1.41 [-10.7, 14.7] (n 2) |" in page
-
-
-def test_large_numbers_are_written_to_the_unit() -> None:
-    assert "| 123457 |" in as_markdown(a_study("a"), results({"a": 123456.7}))
-
-
-def test_a_study_that_is_not_finished_reports_it() -> None:
-    page = as_markdown(a_study("a"), results({"a": 1.0}))
-    assert "1 of 2 runs: 1 conditions, 2 seeds each." in page
-
-
-def test_a_study_whose_missions_have_own_seeds_reports_it() -> None:
-    page = as_markdown(replace(a_study("a"), seeds=None), results({"a": 1.0}))
-    assert "1 of 1 runs: 1 conditions, own seeds." in page
-
-
-def test_a_condition_without_runs_stands_in_the_table() -> None:
-    assert "| hop | orca | 0 | - | - |" in as_markdown(a_study("a"), [])
-
-
-def test_a_reason_cannot_break_the_table() -> None:
-    run = Run(CONDITION, 0, "key")
-    page = as_markdown(a_study(), [(run, Result("failed", "a|b\nc", 1.0, None))])
-    assert "| hop, avoider: orca, seed 0 | failed | a\\|b c |" in page
 
 
 # The journal

@@ -147,6 +147,7 @@ def test_p_values_are_those_of_the_paired_test() -> None:
 def test_equal_differences_have_the_p_value_of_signs() -> None:
     assert p_value([2.0] * 10) == stats.binomtest(10, 10).pvalue
     assert p_value([0.0] * 10) == 1
+    assert p_value([1, 1, 1, 1, -1, 0, 0, 0]) == stats.binomtest(4, 5).pvalue  # McNemar
     assert p_value([1.0] * (MIN_SAMPLE - 1)) is None
 
 
