@@ -54,8 +54,8 @@ from star_core.plugin_support.specs import StepGoal as StepGoal
 from star_core.plugin_support.specs import TaskSpec as TaskSpec
 from star_core.plugin_support.specs import TransportSpec as TransportSpec
 from star_core.plugin_support.specs import deferred as deferred
-from star_core.records.read_run import Run as Run
-from star_core.records.read_run import read_run as read_run
+from star_core.records.run import Run as Run
+from star_core.records.run import read_run as read_run
 from star_core.records.study_results import read_study as read_study
 from star_core.runner import fly as fly
 from star_core.world.camera import Camera as Camera

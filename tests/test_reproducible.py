@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from star_core import read_run
-from star_core.commands import split_timing
 from star_core.commands.main import main
+from star_record.read_record import split_timing
 
 MISSION = str(Path(__file__).parents[1] / "missions" / "first_flight.yaml")
 STEPS = "{takeoff: {height: 0.5}}, {goto: {by: [0.2, 0.1, 0]}}, {land: {speed: 0.5}}"

@@ -20,7 +20,6 @@ from star_core.plugin_support.registry import guarded as guarded
 from star_core.plugin_support.specs import CommandSpec as CommandSpec
 from star_core.plugin_support.specs import RunOptionSpec as RunOptionSpec
 from star_core.records.manifest import software as software
-from star_core.records.read_run import split_timing as split_timing
 from star_core.records.summary import event_record as event_record
 
 __all__: list[str]  # noqa: PYI035 -- of all names above

@@ -16,7 +16,7 @@ import pluggy
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from star_core import Mission, Registry
+    from star_core import Mission, Registry, Run
     from star_core.errors import Problem
     from star_core.messages.events import Event, Flight, Tick
     from star_core.operator import Operator
@@ -194,6 +194,14 @@ def star_report(folder: Path, registry: Registry) -> Path | None:
     """Write the report of a recorded flight or a study and return its file; None to leave it.
 
     It may raise `InputError`: the folder holds no record, or a package is not installed.
+    """
+
+
+@hookspec(firstresult=True)
+def star_read_run(folder: Path, registry: Registry) -> Run | None:
+    """Return the flight that is recorded in a folder; None to leave it to another plugin.
+
+    `star_core.read_run` calls it. It may raise `InputError`: the folder holds no complete record.
     """
 
 

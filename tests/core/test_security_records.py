@@ -79,7 +79,7 @@ def test_hostile_arrays_are_refused(run: Path, file: str) -> None:
 
 
 def test_a_bomb_of_arrays_is_refused_unread(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("star_core.records.record_files.MAX_ARRAYS", 1 << 20)
+    monkeypatch.setattr("star_record.record_files.MAX_ARRAYS", 1 << 20)
     with zipfile.ZipFile(run / "trajectory.npz", "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("time.npy", npy(header((1 << 21,)), bytes(1 << 24)))
     assert (run / "trajectory.npz").stat().st_size < 1 << 15

@@ -99,7 +99,7 @@ def test_a_misspelt_planner_is_refused_at_its_place(run: Run, mission: Path) -> 
 
 
 def test_what_a_mission_sets_reaches_the_plugin(run: Run, mission: Path) -> None:
-    nod = "nod: {height: 0.9, timeout: 2}"  # 0.2 m, the default, would take less
+    nod = "nod: {height: 0.8, timeout: 2}"  # 0.2 m, the default, would take less
     place = change(mission, "nod: {height: 0.3, timeout: 20}", nod)
     done = run("star", "run", mission.name, "--no-record", "--json")
     assert done.returncode == 1
@@ -113,6 +113,7 @@ def test_all_are_listed_with_their_distribution_and_options(run: Run) -> None:
     assert listed["broken"] == {}
     ours = [one for one in listed["plugins"] if not one["plugin"].startswith("star-swarm:")]
     assert {one["plugin"]: (one["kind"], list(one["options"]["properties"])) for one in ours} == {
+        "star-ceiling:ceiling": ("monitor", []),
         "star-fastest:fastest": ("observer", []),
         "star-gentle:gentle": ("avoider", ["radius"]),
         "star-low:low": ("planner", ["top"]),

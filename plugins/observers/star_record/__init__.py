@@ -1,4 +1,4 @@
-"""Observer ``record``: writes the files of a run to its folder."""
+"""Observer ``record``: writes the files of a run to its folder, and reads them."""
 
 from __future__ import annotations
 
@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING
 from star_core import hookimpl
 
 if TYPE_CHECKING:
-    from star_core import Flight, Operator
+    from pathlib import Path
+
+    from star_core import Flight, Operator, Registry, Run
     from star_record.recorder import Recorder
 
 
@@ -18,3 +20,11 @@ def star_mission_started(flight: Flight, operator: Operator) -> Recorder | None:
     from star_record.recorder import Recorder
 
     return Recorder(flight, flight.folder, operator.lost)
+
+
+@hookimpl
+def star_read_run(folder: Path, registry: Registry) -> Run:
+    from star_core.formats import format_function
+    from star_record.read_record import read_record
+
+    return read_record(folder, format_function("restore", registry))

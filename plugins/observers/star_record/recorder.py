@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 
 from star_core import Detections, Event, Flight, Frames, Image, Paths, Tick, hookimpl
-from star_core.commands import event_record, split_timing
+from star_core.commands import event_record
+from star_record.read_record import split_timing
 from star_record.spool import Spool
 from star_record.text_log import TextLog
 

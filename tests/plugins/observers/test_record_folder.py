@@ -12,10 +12,10 @@ from typing import Any, TypeAlias
 import pytest
 
 from star_core import Flight, hookimpl
-from star_core.commands import split_timing
 from star_core.commands.main import main
 from star_core.discovery import Source
 from star_core.plugin_support.registry import Registry
+from star_record.read_record import split_timing
 
 Said: TypeAlias = pytest.CaptureFixture[str]
 pytestmark = pytest.mark.usefixtures("hop")

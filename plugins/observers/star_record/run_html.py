@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from star_core.records.study_results import number_at
+from star_core.toolkit import number_at
 
 if TYPE_CHECKING:
-    from star_core.records.read_run import Run
+    from star_core import Run
 
 WIDTH: Final = 320  # px
 MAX_POINTS: Final = 400  # of a track

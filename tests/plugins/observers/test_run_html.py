@@ -6,12 +6,14 @@ import xml.etree.ElementTree as ET
 from pathlib import Path
 
 from star_core import Registry, fly, load, read_run
+from star_record.read_record import RecordedRun
 
 
 def test_a_run_is_shown_in_a_line_and_in_a_picture(hop: Path) -> None:
     registry = Registry()
     fly(load(hop / "hop.yaml", registry), registry, folder=hop / "a<b")
     run = read_run(hop / "a<b")
+    assert isinstance(run, RecordedRun)
     text = repr(run)
     assert text.startswith("<Run 'hop', outcome: completed, flight: ")
     assert text.endswith(f"in {str(hop / 'a<b')!r}>")

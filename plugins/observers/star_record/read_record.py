@@ -2,25 +2,16 @@
 
 from __future__ import annotations
 
-import zipfile
-import zlib
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
-from tokenize import TokenError
-from typing import Any, Final
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 
-from star_core.errors import ContractError, InputError
-from star_core.formats import format_function
-from star_core.messages.arrays import Array
-from star_core.messages.telemetry import Detections
-from star_core.plugin_support.registry import Registry
-from star_core.records import record_files, run_html, unfinished
-from star_core.records.planned_paths import PlannedPaths
-from star_core.records.record_files import (
+from star_core import Agent, Detections, InputError, Run, World
+from star_core.toolkit import PlannedPaths
+from star_record import record_files, run_html, unfinished
+from star_record.record_files import (
     MANIFEST,
     SUMMARY,
     check_arrays,
@@ -29,19 +20,12 @@ from star_core.records.record_files import (
     read_arrays,
     read_json,
 )
-from star_core.world.scene import Agent
-from star_core.world.world import World
+
+Restore: TypeAlias = Callable[[Mapping[str, Any], Path], tuple[tuple[Agent, ...], World]]
+"""Returns the agents and the world of a manifest, as `FormatSpec` describes it."""
 
 OPTIONAL: Final = ("timing", "paths")
 """Tables that a complete record may lack."""
-
-DAMAGE: Final = (
-    *(OSError, ValueError, TypeError, LookupError, AttributeError, ContractError),
-    *(zipfile.BadZipFile, zlib.error, EOFError, RuntimeError, MemoryError),
-    *(SyntaxError, TokenError),  # of the header of an array
-)
-"""What the readers of JSON, ZIP and NumPy files, and what takes their content apart, raise for a
-damaged file."""
 
 TIMING_KEYS: Final = (
     *("wall_time_s", "realtime_factor", "compute_us", "compute_s"),
@@ -81,36 +65,10 @@ def _with_timing(summary: dict[str, Any], timing: dict[str, Any]) -> dict[str, A
     return summary | timing | {"events": events}
 
 
-@dataclass(frozen=True, repr=False)
-class Run:
-    """A recorded flight; `docs/record.md` describes its files.
-
-    Attributes:
-        folder: Where it is.
-        manifest: The mission and world as flown, plugins, seed, packages.
-        summary: Outcome, figures, steps and events, with the content of ``timing.json``.
-        arrays: The arrays of ``trajectory.npz`` by name, over ticks and agents, map frame, SI.
-        detections: All tags detected in images.
-        paths: Planned paths.
-        timing: The arrays of ``timing.npz`` by name, over ticks, s; empty without that file.
-        agents: Name of the agent in each row.
-        swarm: The agents with their starts and cameras, as the mission has them.
-        world: Geofence, obstacles, landmarks and targets.
-    """
-
-    folder: Path
-    manifest: Mapping[str, Any]
-    summary: Mapping[str, Any]
-    arrays: Mapping[str, Array]
-    detections: Detections
-    paths: PlannedPaths
-    timing: Mapping[str, Array]
-    agents: tuple[str, ...]
-    swarm: tuple[Agent, ...]
-    world: World
+class RecordedRun(Run):
+    """A recorded flight whose images are in its folder, and which notebooks show."""
 
     def images(self, agent: str) -> dict[int, Path]:
-        """Return the saved images of an agent by their times, ms."""
         return record_files.images(self.folder, agent)
 
     def __repr__(self) -> str:
@@ -125,45 +83,24 @@ class Run:
         return run_html.html(self)
 
 
-def read_run(folder: Path | str, *, flown: bool = False) -> Run:
-    """Return a recorded flight; of one whose program was killed, what was recorded until then.
-
-    The outcome of the latter is ``interrupted``.
-
-    Args:
-        folder: Of the run, such as ``runs/latest``.
-        flown: Whether to refuse a run that was not started, and so has no arrays.
+def read_record(folder: Path, restore: Restore) -> Run:
+    """Return the record in a folder.
 
     Raises:
-        InputError: It holds no complete record, or no tick if it must have been `flown`.
-
-    Example:
-        >>> run = read_run("runs/latest")  # doctest: +SKIP
-        >>> run.arrays["estimate_position"][-1]  # doctest: +SKIP
+        InputError: It holds no complete record.
     """
-    folder = Path(folder)
     if folder.is_file():
         text = f"{folder}: is a file, expected the folder of a recorded run"
         raise InputError(text, "wrong-file")
     try:
-        run = _read(folder)
+        return _read(folder, restore)
     except FileNotFoundError as error:
         what = "the record of an interrupted run" if (folder / "manifest.json").exists() else "none"
         text = f"{folder}: expected the folder of a recorded run, found {what}"
         raise InputError(f"{text}: no '{Path(error.filename).name}'", "no-record") from error
-    except DAMAGE as error:
+    except Exception as error:  # whatever the readers of JSON, ZIP and arrays raise for damage
         why = f"{type(error).__name__}: {error}".partition("\n")[0]
         raise InputError(f"{folder}: the record cannot be read: {why}", "no-record") from error
-    if flown and not run.arrays:
-        why = run.summary["reason"] or "it ended before the first tick"
-        raise InputError(f"{folder}: no flight was recorded: {why}", "no-record")
-    return run
-
-
-@cache
-def _restore() -> Callable[[Mapping[str, Any], Path], tuple[tuple[Agent, ...], World]]:
-    """Return the function of the installed format that reads mission and world of a manifest."""
-    return format_function("restore", Registry())
 
 
 def _table(folder: Path, name: str) -> dict[str, Any]:
@@ -177,11 +114,11 @@ def _table(folder: Path, name: str) -> dict[str, Any]:
     return {} if name in OPTIONAL and not file.exists() else read_arrays(file)
 
 
-def _read(folder: Path) -> Run:
-    """Return a recorded flight; raise one of `DAMAGE` if a file is not as it was written."""
+def _read(folder: Path, restore: Restore) -> Run:
+    """Return the record in a folder; raise an exception if a file is not as it was written."""
     manifest = read_json(folder / "manifest.json")
     check_json(manifest, MANIFEST, "manifest.json")
-    swarm, world = _restore()(manifest, folder / "manifest.json")
+    swarm, world = restore(manifest, folder / "manifest.json")
     arrays, timing, planned = (_table(folder, name) for name in ("trajectory", "timing", "paths"))
     names = tuple(str(name) for name in arrays.pop("agents", [agent.name for agent in swarm]))
     if (folder / "summary.json").exists() or not (folder / unfinished.EVENTS).exists():
@@ -198,4 +135,6 @@ def _read(folder: Path) -> Run:
     check_arrays(arrays, names, [agent.name for agent in swarm])
     for rows in detections.agent, paths.agent:
         check_rows(rows, len(names))
-    return Run(folder, manifest, summary, arrays, detections, paths, timing, names, swarm, world)
+    return RecordedRun(
+        folder, manifest, summary, arrays, detections, paths, timing, names, swarm, world
+    )

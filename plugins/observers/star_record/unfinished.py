@@ -14,7 +14,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from star_core.records.record_files import KINDS, regular
+from star_record.record_files import KINDS, regular
 
 EVENTS: Final = "events.jsonl"
 OUTCOME: Final = "interrupted"

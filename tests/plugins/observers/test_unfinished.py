@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from star_core.records.unfinished import summary_of
+from star_record.unfinished import summary_of
 
 MANIFEST = {"mission": {"name": "hop"}}
 

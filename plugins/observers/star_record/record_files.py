@@ -13,10 +13,9 @@ from typing import Any, BinaryIO, Final, TypeAlias
 
 import numpy as np
 
-from star_core.errors import ContractError
-from star_core.messages.arrays import Array, Rows
-from star_core.records.study_results import MAX_NUMBER
+from star_core import Array, ContractError, Rows
 
+MAX_NUMBER: Final = 1e12  # of a summary
 MAX_JSON: Final = 100_000_000  # bytes
 MAX_ARRAYS: Final = 1 << 30  # bytes of all arrays of a file that is small
 MAX_RATIO: Final = 100  # of the arrays of a larger file to the file
