@@ -184,7 +184,17 @@ def for_ours(state: State) -> tuple[Any, ...]:
     n = len(state.position)
     radius, speed, avoids = np.full(n, RADIUS), np.full(n, SPEED), np.ones(n, np.bool_)
     fence, rows, heights = np.array([-math.inf] * 2 + [math.inf] * 2), np.zeros(2, int), np.zeros(0)
-    nothing_else = np.zeros(n), fence, None, rows, heights, HORIZON, RADIUS, False
+    nothing_else = (
+        np.full((n, 2), math.nan),
+        np.zeros(n),
+        fence,
+        None,
+        rows,
+        heights,
+        HORIZON,
+        RADIUS,
+        False,
+    )
     limits = (HORIZON, NEIGHBOUR_DISTANCE, MOST, math.inf, PERIOD, 0.0)
     return (*state, radius, np.zeros(n), speed, avoids, *nothing_else, *limits)
 

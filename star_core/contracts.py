@@ -147,7 +147,10 @@ class Planner(Protocol):
 
 @runtime_checkable
 class Avoider(Protocol):
-    """Changes planned setpoints so that agents keep apart."""
+    """Changes planned setpoints so that agents keep apart.
+
+    It may have the method of `NotesGoals`, too.
+    """
 
     def avoid(self, estimate: Estimate, wanted: Setpoint) -> Setpoint:
         """Return the setpoint nearest to `wanted` that keeps the agents apart.
@@ -155,6 +158,15 @@ class Avoider(Protocol):
         Inactive rows stay inactive, but are obstacles to the others. An active row that is returned
         inactive brakes.
         """
+        ...
+
+
+@runtime_checkable
+class NotesGoals(Protocol):
+    """An avoider that considers where agents fly."""
+
+    def note_goals(self, goals: Goals) -> None:
+        """Note the goals of the whole swarm: called before each `Avoider.avoid`."""
         ...
 
 

@@ -16,6 +16,7 @@ from star_core.contracts import (
     AwaitsLandings,
     Localizer,
     NotesFrames,
+    NotesGoals,
     Planner,
     Records,
     Transport,
@@ -164,6 +165,8 @@ class PluginPipeline:
             raise
         transport = self._transport.plugin
         self._notes_frames = transport if isinstance(transport, NotesFrames) else None
+        avoider = self._avoider.plugin
+        self._notes_goals = avoider if isinstance(avoider, NotesGoals) else None
 
     def _stage(self, kind: str, mission: Mission) -> PluginStage:
         name = str(mission.plugins[kind])
@@ -270,15 +273,17 @@ class PluginPipeline:
             self._planner.require(check)
         return refused
 
-    def avoid(self, estimate: Estimate, planned: Setpoint) -> Setpoint:
+    def avoid(self, estimate: Estimate, planned: Setpoint, goals: Goals) -> Setpoint:
         """Return the setpoint nearest to `planned` that keeps the agents apart.
 
         If the avoider fails it is `planned`: the tick then brakes all agents.
         """
-        avoid = self._avoider.plugin.avoid
-        return self._avoider.attempt(
-            lambda: checked_setpoint(avoid(estimate, planned), self._n), lambda: planned
-        )
+        return self._avoider.attempt(lambda: self._avoid(estimate, planned, goals), lambda: planned)
+
+    def _avoid(self, estimate: Estimate, planned: Setpoint, goals: Goals) -> Setpoint:
+        if self._notes_goals is not None:
+            self._notes_goals.note_goals(goals)
+        return checked_setpoint(self._avoider.plugin.avoid(estimate, planned), self._n)
 
     def strike(self, kind: str, reason: str) -> None:
         """Count a failure that only several outputs show, as one that the plugin raises."""

@@ -179,7 +179,7 @@ class ControlLoop:
         state.setpoint = plan.setpoint
         self._check(Stage.PLANNED, state)
         state.planned = vehicles.setpoint(state.setpoint, estimate)
-        state.setpoint = self._pipeline.avoid(state.visible, state.planned)
+        state.setpoint = self._pipeline.avoid(state.visible, state.planned, state.goals)
         near = self._near(estimate)
         with self._pipeline.safety_time:
             self._check(Stage.AVOIDED, state)

@@ -309,6 +309,17 @@ def test_plugins_failing_to_close_are_reported_and_others_closed(
     }
 
 
+def test_avoiders_may_note_the_goals_of_each_tick(lab: Lab) -> None:
+    noted: list[Goals] = []
+    watcher = SimpleNamespace(avoid=lambda _, wanted: wanted, note_goals=noted.append)
+    lab.spoil("avoider", "make", lambda *_: watcher)
+    lab.fly()
+    steered = [tick.goals for tick in lab.ticks if tick.goals.active.any()]
+    flown = [goals for goals in noted if goals.active.any()]
+    assert len(steered) == len(flown) > 0
+    assert all(a is b for a, b in zip(steered, flown, strict=True))
+
+
 def test_a_part_needs_no_close(lab: Lab) -> None:
     lab.spoil("avoider", "make", lambda *_: type("Bare", (), {"avoid": lambda _, __, w: w})())
     assert lab.fly()["outcome"] == "completed"

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from star_core import Array, Estimate, Mask, Scene, Setpoint, Transform
+from star_core import Array, Estimate, Goals, Mask, Scene, Setpoint, Transform
 from star_core.toolkit import frozen, position_margin, with_possible_positions
 from star_orca.kernel import orca
 from star_orca.outlines import outlines
@@ -17,6 +17,7 @@ from star_orca.outlines import outlines
 # offset).
 TURN = math.radians(8.0)
 TINY = 1e-12  # m/s
+AT_GOAL = 0.3  # m: a nearer agent is where it is to stay
 REMAINING = math.exp(-1.0)  # share of a difference that remains after one time constant
 
 
@@ -44,7 +45,8 @@ class Orca:
             separate, and setpoints respect the scene's horizontal acceleration limit.
         uncertainty_margin: Number of standard deviations of its position by which an agent's radius
             is enlarged, at most tripled, and so are the distances to obstacles and fence; the
-            scene's if None. The margin yields: see `star_core.toolkit.yielding_margin`.
+            scene's if None. The margin yields: see `star_core.toolkit.yielding_margin`; slowly, if
+            it is wide and the agents' goals are not near each other.
     """
 
     def __init__(  # noqa: PLR0913 -- one for each option
@@ -85,7 +87,11 @@ class Orca:
         self._outlines = outlines(world)
         low, high = scene.world.fence.low, scene.world.fence.high
         self._fence = np.array([*low[:2], *high[:2]], float)
+        self._goals = Goals.none(n)
         self._warm_up(scene)
+
+    def note_goals(self, goals: Goals) -> None:
+        self._goals = goals
 
     def avoid(self, estimate: Estimate, wanted: Setpoint) -> Setpoint:
         n = len(wanted.yaw)
@@ -116,6 +122,7 @@ class Orca:
             position_margin(covariance, deviations, self._spacing),
             speed,
             gives_way,
+            self._distant_goals(position, avoids),
             position_margin(covariance, deviations, self._clearance),
             self._fence,
             obstacles.edges if len(obstacles.edges) else None,
@@ -137,6 +144,14 @@ class Orca:
             self._limit_acceleration(result, estimate.velocity, avoids)
         self._last_setpoint, self._has_setpoint = result, avoids
         return Setpoint(frozen(result), wanted.yaw, wanted.active)
+
+    def _distant_goals(self, position: Array, avoids: Mask) -> Array:
+        """Return where agents at (M, 3) m fly, (M, 2) m; NaN where they are, or have no goal."""
+        goal, n = np.full((len(position), 2), np.nan), len(avoids)
+        way = self._goals.position[:, :2] - position[:n, :2]
+        flies = avoids & self._goals.active & (np.hypot(way[:, 0], way[:, 1]) > AT_GOAL)
+        goal[:n][flies] = self._goals.position[flies, :2]
+        return goal
 
     def _limit_acceleration(self, answer: Array, flown: Array, avoids: Mask) -> None:
         """Bring horizontal velocities to within the greatest change of the current ones, in place.

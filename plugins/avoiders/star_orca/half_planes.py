@@ -5,9 +5,23 @@ from __future__ import annotations
 import math
 
 from star_core import Array, Rows
-from star_core.toolkit import YIELD_TIME, subroutine
-from star_orca.neighbours import AVOIDS, CLIMB, MARGIN, RADIUS, ROW, VX, VY, X, Y, Z
+from star_core.toolkit import MAX_MARGIN_RATIO, YIELD_TIME, subroutine
+from star_orca.neighbours import (
+    AVOIDS,
+    CLIMB,
+    GOAL_X,
+    GOAL_Y,
+    MARGIN,
+    RADIUS,
+    ROW,
+    VX,
+    VY,
+    X,
+    Y,
+    Z,
+)
 
+WIDE = 0.2  # m, of two agents: a wider margin grows with the drift while they approach
 COLUMN = 1.0  # s, in which two agents one above the other must be apart horizontally
 
 
@@ -20,6 +34,7 @@ def half_planes(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apart 
     horizon: float,
     period: float,
     vertical: float,
+    wide_yield_time: float,
     planes: Array,
     hard: int,
 ) -> None:
@@ -32,24 +47,27 @@ def half_planes(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apart 
     all of it for one that does not. The velocity obstacle is that of the section of an ellipsoid,
     `vertical` high, at the least difference in height within the horizon. Two agents that already
     overlap must be apart after one period, or after `COLUMN` if one is above the other. The margins
-    for uncertain positions yield: see `star_core.toolkit.yielding_margin`.
+    for uncertain positions yield: see `star_core.toolkit.yielding_margin`. `WIDE` ones yield with
+    another time constant where both agents fly to goals farther apart than the widest margins.
 
     Two agents at the same point with the same velocity have no direction to separate along: they
     separate along x, the earlier row forwards.
 
     Args:
-        agents: (M, 14) table of `sort_into_cells`.
+        agents: (M, 16) table of `sort_into_cells`.
         me: Row in it of the avoiding agent.
         neighbours: (K,) rows in it of its neighbours.
         count: Number of these to use.
         horizon: Time for which the agents shall not collide, s.
         period: Time in which two overlapping agents shall separate, s.
         vertical: Difference in height at which agents need no distance, m.
+        wide_yield_time: Time constant with which wide margins yield, s.
         planes: (K, 3) output: half-planes in the order of the neighbours, m/s.
         hard: Row of the first in it.
     """
     px, py, vx, vy = agents[me, X], agents[me, Y], agents[me, VX], agents[me, VY]
-    firm = max(1.0 - horizon / YIELD_TIME, 0.0)
+    soft = max(1.0 - horizon / YIELD_TIME, 0.0)
+    firm = max(1.0 - horizon / wide_yield_time, 0.0)
     for k in range(count):
         other = neighbours[k]
         dx, dy = agents[other, X] - px, agents[other, Y] - py  # from me to the other
@@ -66,7 +84,12 @@ def half_planes(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apart 
             margin *= section
         squared = dx * dx + dy * dy
         if margin > 0.0:
-            apart += min(margin, firm * max(math.sqrt(squared) - apart, 0.0))
+            gx = agents[other, GOAL_X] - agents[me, GOAL_X]
+            gy = agents[other, GOAL_Y] - agents[me, GOAL_Y]
+            at_goals = (1.0 + MAX_MARGIN_RATIO) * widest
+            keeps = margin > WIDE and gx * gx + gy * gy > at_goals * at_goals
+            kept = firm if keeps else soft
+            apart += min(margin, kept * max(math.sqrt(squared) - apart, 0.0))
         rate = 1.0 / horizon
         if squared <= apart * apart:
             near = squared + dz * dz <= widest * widest

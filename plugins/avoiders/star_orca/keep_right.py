@@ -47,7 +47,7 @@ def side_to_take(agents: Array, me: int, neighbours: Rows, count: int, x: float,
     The nearest agent ahead decides.
 
     Args:
-        agents: (M, 14) table of `star_orca.neighbours.sort_into_cells`.
+        agents: (M, 16) table of `star_orca.neighbours.sort_into_cells`.
         me: Row in it of the agent.
         neighbours: (K,) rows in it of its neighbours.
         count: Number of these to use.
@@ -112,7 +112,7 @@ def lane_turn(
     ignored.
 
     Args:
-        agents: (M, 14) table of `star_orca.neighbours.sort_into_cells`.
+        agents: (M, 16) table of `star_orca.neighbours.sort_into_cells`.
         me: Row in it of the agent.
         cells: The cell it is in, (C + 1,) row at which each cell begins, and their number along x.
         limits: Greatest distance ahead and greatest difference in height considered, m.

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from star_core import Array, Mask, Rows
-from star_core.toolkit import compiled, subroutine
+from star_core.toolkit import YIELD_TIME, compiled, subroutine
 from star_orca.fence_planes import SIDES, fence_planes
 from star_orca.half_planes import half_planes
 from star_orca.keep_right import BLOCKED, QUARTER, lane_turn, side_to_take, turned_right
@@ -30,6 +30,12 @@ from star_orca.neighbours import (
 )
 from star_orca.obstacle_planes import add_obstacles
 
+# Time constant with which wide margins yield, s, in place of `YIELD_TIME`: agents that drift would
+# use up their margins before they have turned around each other. Not near obstacles, where there is
+# less room for a turn, and not in a crowd, which would block itself.
+WIDE_YIELD_TIME = 60.0
+CROWD = 6  # neighbours
+
 MAX_EDGES = 32  # nearest edges of obstacles considered; RVO2 considers all within reach
 
 
@@ -42,6 +48,7 @@ def orca(  # noqa: C901, PLR0913, PLR0917 -- numba takes plain arguments apart q
     margin: Array,
     speed: Array,
     avoids: Mask,
+    goal: Array,
     hard_margin: Array,
     fence: Array,
     edges: Array | None,
@@ -79,6 +86,8 @@ def orca(  # noqa: C901, PLR0913, PLR0917 -- numba takes plain arguments apart q
         margin: (N,) by which the radius is enlarged for an uncertain position, m.
         speed: (N,) speed limit, m/s.
         avoids: (N,) False where the agent does not give way, so that the others avoid it alone.
+        goal: (N, 2) where it flies, m; NaN if it stays: agents keep their wide margins only from
+            those that fly on to goals that are farther apart.
         hard_margin: (N,) likewise, by which distances to obstacles and fence are enlarged, m.
         fence: (4,) least x and y of the geofence, then greatest, m; may be infinite.
         edges: Of `star_orca.outlines.Outlines`, as are `first` and `height`; None where there are
@@ -100,7 +109,7 @@ def orca(  # noqa: C901, PLR0913, PLR0917 -- numba takes plain arguments apart q
         (N, 3) m/s.
     """
     agents, cell, start, columns = sort_into_cells(
-        position, velocity, wish, radius, margin, speed, avoids, communication_radius
+        position, velocity, wish, radius, margin, speed, avoids, goal, communication_radius
     )
     limits = (communication_radius, vertical, horizon)
     neighbours, distance = np.empty(most, np.int64), np.empty(most)
@@ -118,13 +127,18 @@ def orca(  # noqa: C901, PLR0913, PLR0917 -- numba takes plain arguments apart q
         count = nearest(agents, me, cell[me], start, columns, limits, neighbours, distance)
         i = int(agents[me, ROW])
         east, north, wide = position[i, 0], position[i, 1], hard_margin[i]
-        hard = fence_planes(east, north, speed[i], wide, fence, obstacle_horizon, planes)
+        fenced = fence_planes(east, north, speed[i], wide, fence, obstacle_horizon, planes)
+        hard = fenced
         if edges is not None:
             hard = add_obstacles(
                 *(i, position, velocity, speed, hard_margin, edges, first, height),
                 *(obstacle_horizon, clearance, virtual, edge_buffers, planes, hard),
             )
-        half_planes(agents, me, neighbours, count, horizon, period, vertical, planes, hard)
+        wide_yield_time = WIDE_YIELD_TIME if hard == fenced and count < CROWD else YIELD_TIME
+        half_planes(
+            *(agents, me, neighbours, count, horizon, period, vertical),
+            *(wide_yield_time, planes, hard),
+        )
         x, y, z = agents[me, WISH_X], agents[me, WISH_Y], agents[me, WISH_Z]
         squared = x * x + y * y + z * z
         if squared > fastest * fastest:
@@ -170,7 +184,7 @@ def climb(
     Agents are never made to climb or sink: altitude is kept.
 
     Args:
-        agents: (M, 14) table of `star_orca.neighbours.sort_into_cells`.
+        agents: (M, 16) table of `star_orca.neighbours.sort_into_cells`.
         me: Row in it of the avoiding agent.
         neighbours: (K,) rows in it of its neighbours.
         count: Number of these to use.

@@ -10,15 +10,16 @@ from star_core import Array, Mask, Rows
 from star_core.toolkit import subroutine
 
 # Columns of the table of `sort_into_cells`: one row per agent, in the order of the cells.
-X, Y, Z, VX, VY, RADIUS, AVOIDS, ROW, CLIMB, WISH_X, WISH_Y, WISH_Z, SPEED, MARGIN = range(14)
-COLUMNS = 14
+X, Y, Z, VX, VY, RADIUS, AVOIDS, ROW, CLIMB, WISH_X, WISH_Y, WISH_Z = range(12)
+SPEED, MARGIN, GOAL_X, GOAL_Y = range(12, 16)
+COLUMNS = 16
 
 REACH = 2  # cells, half the neighbour distance wide, searched to either side
 FEW = 48  # agents: up to this number, searching all of them is faster than sorting
 
 
 @subroutine
-def sort_into_cells(
+def sort_into_cells(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apart quickest
     position: Array,
     velocity: Array,
     wish: Array,
@@ -26,6 +27,7 @@ def sort_into_cells(
     margin: Array,
     speed: Array,
     avoids: Mask,
+    goal: Array,
     reach: float,
 ) -> tuple[Array, Rows, Rows, int]:
     """Return the agents in the order of their cells, and the row at which each cell begins.
@@ -45,10 +47,11 @@ def sort_into_cells(
         margin: (N,) by which it is enlarged, m; the table has the sum as the radius.
         speed: (N,) speed limit, m/s.
         avoids: (N,) whether the agent gives way.
+        goal: (N, 2) where it flies, m; NaN if it stays.
         reach: Search radius, m.
 
     Returns:
-        (M, 14) table with the columns named above, (M,) cell of each of its rows, (C + 1,) row at
+        (M, 16) table with the columns named above, (M,) cell of each of its rows, (C + 1,) row at
         which each cell begins, and the number of cells along x.
     """
     where, columns, rows = cells(position, reach)
@@ -80,6 +83,7 @@ def sort_into_cells(
         agents[k, CLIMB] = climb if math.isfinite(climb) else 0.0
         agents[k, WISH_X], agents[k, WISH_Y], agents[k, WISH_Z] = wish[i, 0], wish[i, 1], wish[i, 2]
         agents[k, SPEED] = speed[i]
+        agents[k, GOAL_X], agents[k, GOAL_Y] = goal[i, 0], goal[i, 1]
     return agents, cell, start, columns
 
 
@@ -132,7 +136,7 @@ def nearest(
     Agents that are out of range in height, and stay so as both climb or sink, are skipped.
 
     Args:
-        agents: (M, 14) table of `sort_into_cells`.
+        agents: (M, 16) table of `sort_into_cells`.
         me: Row in it of the agent whose neighbours are searched.
         cell: The cell it is in.
         start: (C + 1,) row at which each cell begins.

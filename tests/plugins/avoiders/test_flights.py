@@ -9,7 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from star_core import Array, Avoider, Limits, Obstacle, Scene, Setpoint
+from star_core import Array, Avoider, Goals, Limits, Obstacle, Scene, Setpoint
+from star_core.contracts import NotesGoals
 from star_core.testing import estimate, scene
 from star_core.toolkit import fill_defaults
 
@@ -49,6 +50,9 @@ def fly(
     n = len(start)
     position, velocity = start.copy(), np.zeros_like(start)
     separation = clearance = np.inf
+    if isinstance(avoider, NotesGoals):
+        zero = np.zeros(n)
+        avoider.note_goals(Goals(goal, 0 * goal, zero, zero + SPEED, np.ones(n, np.bool_)))
     for _ in range(int(seconds / around.period)):
         way = goal - position
         distance = np.linalg.norm(way, axis=1, keepdims=True)
@@ -275,6 +279,21 @@ def test_uncertain_positions_increase_the_passing_distance(name: str) -> None:
     )
     assert uncertain.separation > exact.separation + 0.1
     assert max(exact.missing.max(), uncertain.missing.max()) < 0.1 or name == "potential"
+
+
+@pytest.mark.parametrize("n", [2, 4, 6])
+def test_uncertain_agents_that_cross_keep_most_of_their_margins(n: int) -> None:
+    around, start, std = room(n), circle(n) * [1.5, 1.5, 1.0], 0.15
+    flown = fly(made("orca", around), around, start, start * [-1, -1, 1], 40.0, std=std)
+    assert flown.separation > 0.4 + 0.6 * 2 * 2 * std
+    assert flown.missing.max() < 0.1
+
+
+def test_uncertain_agents_pass_between_others_that_hover() -> None:
+    around = room(3)
+    start = np.array([[-1.5, 0.0, 0.8], [0.0, 0.8, 0.8], [0.0, -0.8, 0.8]])
+    goal = start * [[-1, 1, 1], [1, 1, 1], [1, 1, 1]]
+    assert fly(made("orca", around), around, start, goal, 10.0, std=0.2).missing.max() < 0.1
 
 
 @pytest.mark.parametrize("name", ["orca", "voronoi"])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 from hypothesis import assume, given
@@ -9,11 +11,12 @@ from hypothesis import strategies as st
 
 from star_core import Array
 from star_core.toolkit import YIELD_TIME
-from star_orca.half_planes import half_planes
-from star_orca.neighbours import CLIMB, COLUMNS, MARGIN
+from star_orca.half_planes import WIDE, half_planes
+from star_orca.neighbours import CLIMB, COLUMNS, GOAL_X, GOAL_Y, MARGIN
 
 HORIZON, PERIOD, RADIUS, VERTICAL = 2.0, 0.1, 0.2, 0.6
 APART = 2 * RADIUS
+WIDE_TIME = 60.0  # s
 
 Vector = tuple[float, float]
 vectors = st.tuples(st.floats(-3, 3), st.floats(-3, 3))
@@ -28,16 +31,18 @@ def plane(
     above: float = 0.0,
     climb: float = 0.0,
     margin: float = 0.0,
+    goals: float = math.nan,
 ) -> Array:
-    """The half-plane of an agent at the origin beside one at `away`, `above` it and climbing."""
+    """The half-plane of an agent at the origin beside one at `away`, `above` it, climbing."""
     agents = np.zeros((2, COLUMNS))
     agents[:, : CLIMB + 1] = [
         [0, 0, 0, *mine, RADIUS + margin, 1, 0, 0],
         [*away, above, *theirs, RADIUS + margin, avoids, 1, climb],
     ]
     agents[:, MARGIN] = margin
+    agents[:, GOAL_X], agents[1, GOAL_Y] = 5.0, goals
     planes = np.empty((1, 3))
-    half_planes(agents, 0, np.array([1]), 1, HORIZON, PERIOD, VERTICAL, planes, 0)
+    half_planes(agents, 0, np.array([1]), 1, HORIZON, PERIOD, VERTICAL, WIDE_TIME, planes, 0)
     (only,) = planes
     return np.asarray(only)
 
@@ -149,6 +154,26 @@ def test_within_the_margins_agents_may_still_come_nearer_slowly() -> None:
     a, b, c = plane((0.6, 0.0), (0.0, 0.0), (0.0, 0.0), margin=0.2)  # 0.2 m beyond the radii
     assert (a, b) == pytest.approx((-1.0, 0.0))
     assert -c == pytest.approx(0.2 / YIELD_TIME / 2)  # m/s, its half of the approach
+
+
+@pytest.mark.parametrize(
+    ("margin", "goals", "time"),
+    [
+        (0.2, 3.01 * APART, WIDE_TIME),
+        (0.2, -3.01 * APART, WIDE_TIME),
+        (0.2, 2.99 * APART, YIELD_TIME),  # nearer to each other than the widest margins
+        (0.2, math.nan, YIELD_TIME),  # the other stays
+        (0.99 * WIDE / 2, 3.01 * APART, YIELD_TIME),
+    ],
+)
+def test_wide_margins_hardly_yield_on_ways_to_goals_apart(
+    margin: float, goals: float, time: float
+) -> None:
+    beyond = margin  # half of the margins of both
+    away = (APART + beyond, 0.0)
+    a, b, c = plane(away, (0.0, 0.0), (0.0, 0.0), margin=margin, goals=goals)
+    assert (a, b) == pytest.approx((-1.0, 0.0))
+    assert -c == pytest.approx(beyond / time / 2)
 
 
 def test_no_agent_is_pushed_away_for_a_margin() -> None:

@@ -27,6 +27,7 @@ def found(
         np.zeros(n),
         np.ones(n),
         np.ones(n, np.bool_),
+        np.full((n, 2), np.nan),
         distance,
     )
     neighbours = {}

@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from star_core import Array, Fence, Mask, Obstacle, World
-from star_orca.kernel import orca
+from star_core.toolkit import YIELD_TIME
+from star_orca.kernel import CROWD, WIDE_YIELD_TIME, orca
 from star_orca.outlines import Outlines, outlines
 
 RADIUS, SPEED, HORIZON, NEIGHBOUR_DISTANCE, MOST, PERIOD = 0.15, 1.0, 2.0, 2.0, 10, 0.1
@@ -33,6 +34,8 @@ def ask(  # noqa: PLR0913 -- the kernel has more
     wish: Array,
     *,
     avoids: Mask | None = None,
+    goal: Array | None = None,
+    margin: float = 0.0,
     turn: float = 0.0,
     around: Outlines = NOTHING,
     virtual: bool = False,
@@ -46,8 +49,9 @@ def ask(  # noqa: PLR0913 -- the kernel has more
     tables = (position.copy(), velocity.copy(), wish.copy())
     edges = around.edges if len(around.edges) else None
     walls = np.zeros(n), np.array(fence), edges, *around[1:], HORIZON, RADIUS, virtual
-    size = np.full(n, RADIUS), np.zeros(n)
-    return cast("Array", kernel(*tables, *size, speed, avoiding, *walls, *limits))
+    size = np.full(n, RADIUS), np.full(n, margin)
+    goals = np.full((n, 2), np.nan) if goal is None else goal
+    return cast("Array", kernel(*tables, *size, speed, avoiding, goals, *walls, *limits))
 
 
 def crowd(n: int, seed: int = 0) -> tuple[Array, Array, Array]:
@@ -190,6 +194,32 @@ def test_lanes_do_not_depend_on_rows_nor_on_cells(seed: int) -> None:
     order = np.random.default_rng(seed).permutation(60)
     answer = ask(*(table[order] for table in state), turn=0.1)
     assert answer == pytest.approx(ask(*state, turn=0.1)[order], abs=1e-6)
+
+
+FAR_WALL = ((-1.0, -0.5), (-0.9, -0.5), (-0.9, 0.5), (-1.0, 0.5))  # behind the agent
+
+
+@pytest.mark.parametrize(
+    ("neighbours", "around", "time"),
+    [
+        (1, NOTHING, WIDE_YIELD_TIME),
+        (CROWD - 1, NOTHING, WIDE_YIELD_TIME),
+        (CROWD, NOTHING, YIELD_TIME),
+        (1, outlines(world(FAR_WALL)), YIELD_TIME),
+    ],
+)
+def test_wide_margins_yield_slowly_in_the_open_only(
+    neighbours: int, around: Outlines, time: float
+) -> None:
+    beyond, margin = 0.2, 0.15  # m
+    position = np.zeros((1 + neighbours, 3))
+    position[1:, 0] = 2 * RADIUS + beyond
+    position[2:, 1] = 1.5
+    still, wish = np.zeros_like(position), np.zeros_like(position)
+    wish[0, 0] = SPEED
+    goal = 9.0 * np.arange(2 + 2 * neighbours, dtype=float).reshape(-1, 2)
+    answer = ask(position, still, wish, goal=goal, margin=margin, around=around)
+    assert answer[0, 0] == pytest.approx(beyond / time / 2)
 
 
 ROOM = (-1.0, -1.0, 1.0, 1.0)
