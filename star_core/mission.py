@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
 from star_core.conditions import Condition
@@ -224,6 +225,7 @@ class Mission:
         source: Content of the file, with what it includes and what was set on the command line.
         file: Its file, in which problems are located.
         world_file: That of its world.
+        files: Files whose content is in `source`, besides its own.
         warnings: What is probably a mistake, one line each, with its location.
     """
 
@@ -238,6 +240,7 @@ class Mission:
     source: Mapping[str, Any]
     file: SourceFile
     world_file: SourceFile
+    files: tuple[Path, ...] = ()
     warnings: tuple[str, ...] = ()
     reactions: tuple[Reaction, ...] = ()
 

@@ -6,7 +6,7 @@ import hashlib
 import json
 import sys
 import sysconfig
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from importlib.metadata import Distribution, PackageNotFoundError, distribution
 from pathlib import Path
 from types import ModuleType
@@ -44,11 +44,10 @@ class Basis:
         content = {key: value for key, value in mission.source.items() if key != "seed"}
         words = {word for word in _words(content) if word}
         digests = {"mission": digest(content), "world": digest(mission.world_file.data)}
-        paths = {word: mission.scene.folder / word for word in words} | mission.scene.files
-        for name, path in sorted(paths.items()):
-            read = path != mission.world_file.path and self._file(path, mission.scene.folder)
-            if read:
-                digests[f"file {name!r}"] = read
+        for path in self.files(mission):
+            digests[f"file {str(path.relative_to(mission.scene.folder))!r}"] = (
+                self._file(path, mission.scene.folder) or ""
+            )
         sources = [choice.source for choice in mission.plugins.values()]
         sources += [action.source for action in actions(mission.all_steps)]
         sources += [
@@ -59,6 +58,17 @@ class Basis:
         for source in {source.plugin: source for source in [*sources, *self._observers]}.values():
             digests[f"plugin {source.plugin!r}"] = self._code(source)
         return {**digests, "star_core": self._code(Source("star-swarm:", ""))}
+
+    def files(self, mission: Mission) -> list[Path]:
+        """Return the files in its folder that a mission names, without those of its content."""
+        folder = mission.scene.folder
+        paths = {folder / word for word in _words(mission.source) if word}
+        paths |= {*mission.scene.files.values()}
+        return [
+            path
+            for path in sorted(paths, key=str)
+            if path != mission.world_file.path and self._file(path, folder)
+        ]
 
     def _file(self, path: Path, folder: Path) -> str | None:
         """Return the digest of a file inside a folder; None if there is none."""
@@ -82,6 +92,11 @@ def digest(content: Any) -> str:
     """Return a digest of JSON, which does not depend on the order of keys."""
     text = json.dumps(content, sort_keys=True, default=str)
     return hashlib.sha256(text.encode()).hexdigest()[:DIGEST_LENGTH]
+
+
+def differences(before: Mapping[str, str], after: Mapping[str, str]) -> list[str]:
+    """Return the names of what differs."""
+    return [name for name in {**before, **after} if before.get(name) != after.get(name)]
 
 
 def _words(content: Any) -> Iterator[str]:

@@ -15,14 +15,14 @@ from typing import Any, Final
 
 from star_ablate import measures
 from star_ablate.dry_run import describe
-from star_ablate.flight import Job, Result
+from star_ablate.flight import Result
 from star_ablate.journal import JOURNAL, Journal, StudyProgress, entries
 from star_ablate.reading import read
 from star_ablate.results import study_results
 from star_ablate.shards import ABOUT, Shard, merged, require_shard, shard
 from star_ablate.study import Run, Study
-from star_ablate.workers import fly_all
-from star_core import InputError, Registry
+from star_ablate.workers import Engine, Processes
+from star_core import InputError, Registry, StarError
 from star_core.commands import (
     output_folder,
     positive_integer,
@@ -51,17 +51,16 @@ def run(options: argparse.Namespace, registry: Registry) -> int:
         known = list(entries(folder / JOURNAL)) if (folder / JOURNAL).exists() else []
         done = {entry.key for entry in known if entry.result.summary is not None}
         times = [entry.result.wall_time for entry in known if entry.key in done]
-        for text in describe(study, options.shard, times, done, options.workers):
-            sys.stdout.write(f"{text}\n")
+        with closing(_engine(options, registry)) as engine:
+            for text in describe(study, options.shard, times, done, engine):
+                sys.stdout.write(f"{text}\n")
         return DONE
     if options.merge:
         flown = _merge(study, folder, [Path(name) for name in options.merge])
     else:
         require_shard(folder, options.shard)
-        with writing(folder):
-            flown = _fly(
-                study, folder, options.workers, chosen=options.shard, record=options.record
-            )
+        with closing(_engine(options, registry)) as engine, writing(folder):
+            flown = _fly(study, folder, engine, chosen=options.shard, record=options.record)
     report = write_report(folder, registry)
     if not options.quiet:
         sys.stdout.write(f"{_means(folder)}\nresults: {folder}\n{report}\n")
@@ -82,13 +81,29 @@ def fly_study(path: Path, folder: Path, workers: int | None, registry: Registry)
     study = _checked(path, registry)
     folder = output_folder(str(folder), study.name, JOURNAL)
     with writing(folder):
-        return _fly(study, folder, workers or _cores())
+        return _fly(study, folder, Processes(workers or _cores()))
 
 
 def _checked(path: Path, registry: Registry, seeds: int | None = None) -> Study:
     """Return a study whose missions can be flown."""
     with Progress(f"checking the missions of {path}"):
         return read(path, registry, seeds)
+
+
+def _engine(options: argparse.Namespace, registry: Registry) -> Engine:
+    """Return what flies the runs.
+
+    Raises:
+        InputError: Options contradict each other, or a cluster cannot be reached.
+    """
+    if options.scheduler is None and options.scheduler_file is None:
+        return Processes(options.workers or _cores())
+    if options.record or options.workers:
+        wrong = "--record and --workers are for this machine; leave them out with a scheduler"
+        raise InputError(wrong, "option-conflict")
+    from star_ablate.cluster import Cluster
+
+    return Cluster(registry, options.scheduler, options.scheduler_file)
 
 
 def _cores() -> int:
@@ -105,9 +120,8 @@ def configure(line: argparse.ArgumentParser) -> None:
     line.add_argument(
         "--workers",
         type=positive_integer,
-        default=_cores(),
         metavar="N",
-        help="parallel runs: %(default)s",
+        help=f"parallel runs: {_cores()}",
     )
     line.add_argument("--seeds", type=positive_integer, metavar="N", help="number of seeds")
     line.add_argument(
@@ -123,6 +137,13 @@ def configure(line: argparse.ArgumentParser) -> None:
     line.add_argument(
         "--merge", nargs="+", metavar="DIR", help="fly nothing: join the folders of all shards"
     )
+    cluster = line.add_mutually_exclusive_group()
+    cluster.add_argument(
+        "--scheduler", metavar="ADDRESS", help="fly on a running Dask cluster: tcp://HOST:8786"
+    )
+    cluster.add_argument(
+        "--scheduler-file", metavar="FILE", help="likewise, by the file that its scheduler wrote"
+    )
     line.add_argument(
         "--dry-run", action="store_true", help="print conditions, runs and the expected time only"
     )
@@ -131,7 +152,7 @@ def configure(line: argparse.ArgumentParser) -> None:
 
 
 def _fly(
-    study: Study, folder: Path, workers: int, *, chosen: Shard | None = None, record: bool = False
+    study: Study, folder: Path, engine: Engine, *, chosen: Shard | None = None, record: bool = False
 ) -> StudyResults:
     """Fly the runs that are missing in `folder`, write their table, and return the results."""
     chosen = chosen or Shard()
@@ -143,26 +164,33 @@ def _fly(
         for change, count in journal.changes(missing).items():
             again = "1 run is" if count == 1 else f"{count} runs are"
             log(f"star: {again} flown again: {change}")
-        jobs = [Job(run.mission(), _record(folder, run) if record else None) for run in missing]
+        jobs = [run.job(_record(folder, run) if record else None) for run in missing]
         output, limit = folder / "log.txt", study.time_limit
-        flights = fly_all(jobs, workers, output, limit, stopped=lambda: bool(interrupts))
-        progress = StudyProgress(study.name, len(runs), len(results_by_key), workers)
+        flights = engine.fly_all(jobs, output, limit, stopped=lambda: bool(interrupts))
+        progress = StudyProgress(study.name, len(runs), len(results_by_key), engine.size)
         unchecked = bool(study.undeclared)
         for summary in [r.summary for r in results_by_key.values() if r.summary is not None][:1]:
             _require_measures(study, summary)
             unchecked = False
+        error: StarError | None = None
         with progress, closing(flights):
-            for index, result in flights:
-                results_by_key[missing[index].key] = result
-                journal.add(missing[index], result)
-                progress.add(missing[index], result)
-                if unchecked and result.summary is not None:
-                    _require_measures(study, result.summary)
-                    unchecked = False
+            try:
+                for index, result in flights:
+                    results_by_key[missing[index].key] = result
+                    journal.add(missing[index], result)
+                    progress.add(missing[index], result)
+                    if unchecked and result.summary is not None:
+                        _require_measures(study, result.summary)
+                        unchecked = False
+            except StarError as raised:  # what is flown is kept
+                error = raised
     done = [(run, results_by_key[run.key]) for run in runs if run.key in results_by_key]
     flown = _write_results(study, folder, done, interrupted=bool(interrupts))
-    if interrupts:
-        sys.stderr.write(f"star: interrupted; to resume, add `--out {folder}`\n")
+    if interrupts or error:
+        end = "interrupted" if interrupts else f"{len(done)} of {len(runs)} runs are flown"
+        sys.stderr.write(f"star: {end}; to resume, add `--out {folder}`\n")
+    if error:
+        raise error
     return flown
 
 

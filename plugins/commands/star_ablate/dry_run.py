@@ -8,10 +8,9 @@ from pathlib import Path
 from statistics import fmean
 from typing import Final
 
-from star_ablate.flight import Job
 from star_ablate.shards import Shard
 from star_ablate.study import Run, Study
-from star_ablate.workers import fly_all
+from star_ablate.workers import Engine
 from star_core.toolkit import Progress, duration, shortlist
 
 SAMPLE: Final = 3  # flights, of conditions that are evenly distributed
@@ -19,7 +18,7 @@ TIME_LIMIT: Final = 20.0  # s, of each of them
 
 
 def describe(
-    study: Study, chosen: Shard, times: Sequence[float], done: Collection[str], workers: int
+    study: Study, chosen: Shard, times: Sequence[float], done: Collection[str], engine: Engine
 ) -> Iterator[str]:
     """Yield lines with the conditions, seeds and runs of a study, and the expected time.
 
@@ -28,7 +27,7 @@ def describe(
         chosen: Which of its runs would be flown.
         times: Wall times of flights of the study, s; without any, some are flown.
         done: Keys of the runs that need no flight.
-        workers: Number of flights at a time.
+        engine: What would fly them.
     """
     runs = chosen.of(list(study.runs()))
     missing = [run for run in runs if run.key not in done]
@@ -39,16 +38,16 @@ def describe(
     flown = f", {len(runs) - len(missing)} of them flown" if len(missing) < len(runs) else ""
     yield f"runs of {chosen}: {len(runs)}{flown}"
     if missing:
-        yield f"expected time: {_expected(missing, list(times), workers)}"
+        yield f"expected time: {_expected(missing, list(times), engine)}"
 
 
-def _expected(missing: Sequence[Run], times: list[float], workers: int) -> str:
+def _expected(missing: Sequence[Run], times: list[float], engine: Engine) -> str:
     source = f"{len(times)} before"
     at_least = ""
     if not times:
-        jobs = [Job(run.mission()) for run in missing[:: -(-len(missing) // SAMPLE)]]
+        jobs = [run.job() for run in missing[:: -(-len(missing) // SAMPLE)]]
         with Progress("flying a few runs, to estimate the time", len(jobs), unit="flights") as work:
-            flights = fly_all([jobs[0], *jobs], 1, Path(os.devnull), TIME_LIMIT)
+            flights = engine.fly_all([jobs[0], *jobs], Path(os.devnull), TIME_LIMIT)
             for index, result in flights:
                 if index:  # the first one also imports and compiles
                     times.append(result.wall_time)
@@ -56,8 +55,8 @@ def _expected(missing: Sequence[Run], times: list[float], workers: int) -> str:
         at_least = "at least " * any(time >= TIME_LIMIT for time in times)
         source = f"{len(jobs)}, not kept"
     each = fmean(times)
-    total = each * len(missing) / min(workers, len(missing))
+    total = each * len(missing) / min(engine.size, len(missing))
     return (
-        f"{at_least or 'about '}{duration(total)} with {workers} workers, at {each:.2g} s a flight"
-        f" (mean of {source})"
+        f"{at_least or 'about '}{duration(total)} with {engine.size} workers,"
+        f" at {each:.2g} s a flight (mean of {source})"
     )

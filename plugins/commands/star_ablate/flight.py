@@ -3,27 +3,42 @@
 from __future__ import annotations
 
 import faulthandler
+import json
 import logging
 import os
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any, NamedTuple
+from tempfile import TemporaryDirectory
+from typing import Any, Final, NamedTuple
 
+from star_ablate.orders import Order, mission_of
 from star_core import Mission, Registry, StarError
+from star_core.toolkit import shortlist
+
+DIFFERS: Final = "differs"  # outcome of an order on a machine with other code
 
 log = logging.getLogger(__name__)
 
 
 class Job(NamedTuple):
-    """A run for a worker: the mission with its seed, and where to record it, if at all."""
+    """A run for a worker.
+
+    Attributes:
+        mission: With its seed.
+        folder: For its record; None if it is not recorded.
+        assignments: Of the study's levels, by which `mission` was loaded.
+        basis: What the result depends on, as `star_ablate.basis.Basis.of` returns it.
+    """
 
     mission: Mission
     folder: Path | None = None
+    assignments: Sequence[str] = ()
+    basis: Mapping[str, str] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,22 +59,26 @@ class Result:
     summary: Mapping[str, Any] | None
 
 
-def serve(connection: Connection, output: Path) -> None:
-    """Fly jobs received over `connection` and send their results, until it is closed.
+def serve(descriptor: int, output: str) -> None:
+    """Fly jobs and orders received over a connection and send their results, until it is closed.
 
-    The process becomes the leader of a process group, which can be killed with all processes that
-    plugins started, and which does not receive keyboard interrupts. Its output goes to a file.
+    Args:
+        descriptor: File descriptor of the connection.
+        output: File to which the output of the process is appended; empty to keep it as it is.
     """
-    os.setsid()
-    file = os.open(output, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o666)
-    for stream in (1, 2):  # standard output and standard error
-        os.dup2(file, stream)
+    connection = Connection(descriptor)
+    if output:
+        file = os.open(output, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o666)
+        for stream in (1, 2):  # standard output and standard error
+            os.dup2(file, stream)
     faulthandler.enable()
     logging.basicConfig(format=f"worker {os.getpid()}: %(message)s", stream=sys.stderr)
     registry = Registry()
     with suppress(EOFError, BrokenPipeError):  # the parent has closed the connection
         while True:
-            connection.send(fly_job(connection.recv(), registry))
+            item = connection.recv()
+            fly_item = fly_job if isinstance(item, Job) else fly_order
+            connection.send(fly_item(item, registry))
 
 
 def fly_job(job: Job, registry: Registry) -> Result:
@@ -76,3 +95,21 @@ def fly_job(job: Job, registry: Registry) -> Result:
         reason = f"{type(error).__name__}: {error}"
         return Result("failed", reason, time.perf_counter() - begun, None)
     return Result(summary["outcome"], summary["reason"], time.perf_counter() - begun, summary)
+
+
+def fly_order(order: Order, registry: Registry) -> Result:
+    """Fly an order of another machine, and return its result as if it had been flown there.
+
+    The outcome is `DIFFERS`, and nothing is flown, if the result would depend on other code.
+    """
+    with TemporaryDirectory(prefix="star-run-") as folder:
+        try:
+            mission, different = mission_of(order, Path(folder), registry)
+        except StarError as error:
+            return Result(DIFFERS, error.message, 0.0, None)
+        if different:
+            return Result(DIFFERS, shortlist(different), 0.0, None)
+        result = fly_job(Job(mission), registry)
+        text = json.dumps([result.reason, result.summary])
+        reason, summary = json.loads(text.replace(f"{folder}/", json.dumps(order.prefix)[1:-1]))
+        return replace(result, reason=reason, summary=summary)

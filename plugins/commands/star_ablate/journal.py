@@ -11,6 +11,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, BinaryIO, Final, NamedTuple
 
+from star_ablate.basis import differences
 from star_ablate.flight import Result
 from star_ablate.study import Run
 from star_core.toolkit import Progress, duration, log, on_terminal, shortlist
@@ -92,7 +93,7 @@ def _difference(before: Mapping[str, str], after: Mapping[str, str]) -> str:
     """
     if not before:
         return "their journal does not state the code that flew them"
-    changed = [name for name in {**before, **after} if before.get(name) != after.get(name)]
+    changed = differences(before, after)
     names = shortlist(changed) if len(changed) > MANY else " and ".join(changed)
     return f"{names} {'has' if len(changed) == 1 else 'have'} changed"
 

@@ -154,8 +154,10 @@ def _conditions(files: Sequence[Path], registry: Registry, document: SourceFile)
             labels_by_problem: dict[str, list[str]] = {}
             for levels in combos:
                 try:
-                    mission = _load(file, levels, registry, document)
-                    conditions.append(Condition(file.stem, levels, mission, basis.of(mission)))
+                    settings = _settings(levels, document.data.get("factors", {}))
+                    mission = _load(file, settings, registry, document)
+                    of = basis.of(mission)
+                    conditions.append(Condition(file.stem, levels, mission, of, tuple(settings)))
                 except InputError as error:
                     label = ", ".join(f"{name}: {level}" for name, level in levels.items())
                     for problem in dict.fromkeys(error.problems):
@@ -176,16 +178,22 @@ def _with_level(problem: str, level: str) -> str:
     return f"{text}; with {level} [{code}"
 
 
-def _load(
-    file: Path, levels: Mapping[str, str], registry: Registry, document: SourceFile
-) -> Mission:
-    """Load a mission with the overrides of its levels, whose problems are located in the study."""
-    factors: Factors = document.data.get("factors", {})
-    settings = {
+def _settings(levels: Mapping[str, str], factors: Factors) -> dict[str, tuple[str, ...]]:
+    """Return the paths in the study of what levels set, by the assignments of a mission."""
+    return {
         f"{path}={json.dumps(value)}": ("factors", name, level, path)
         for name, level in levels.items()
         for path, value in factors[name][level].items()
     }
+
+
+def _load(
+    file: Path,
+    settings: Mapping[str, tuple[str, ...]],
+    registry: Registry,
+    document: SourceFile,
+) -> Mission:
+    """Load a mission with the assignments of its levels, whose problems are those of the study."""
     try:
         return load(file, registry, list(settings))
     except InputError as error:

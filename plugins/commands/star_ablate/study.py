@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 from star_ablate.basis import digest
+from star_ablate.flight import Job
 from star_core import Mission
 from star_core.formats import SourceFile
 
@@ -19,6 +21,7 @@ class Condition:
     levels: Mapping[str, str]  # of each factor, by name
     mission: Mission  # without its seed
     basis: Mapping[str, str] = field(default_factory=dict)  # as `Basis.of` returns it
+    assignments: tuple[str, ...] = ()  # of its levels, ``path=value`` each
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -50,6 +53,10 @@ class Run:
     def mission(self) -> Mission:
         """The mission to fly."""
         return self.condition.mission.with_seed(self.seed)
+
+    def job(self, folder: Path | None = None) -> Job:
+        """Return the run for a worker; `folder` is for its record."""
+        return Job(self.mission(), folder, self.condition.assignments, self.condition.basis)
 
 
 @dataclass(frozen=True, slots=True)

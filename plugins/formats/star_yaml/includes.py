@@ -17,8 +17,8 @@ from star_yaml.scopes import Findings, Scope, parameters
 
 def resolved(
     document: Document, composed: Mapping[str, Any], registry: Registry
-) -> tuple[Document, list[str]]:
-    """Return a mission without names, with what its files contain, and the problems.
+) -> tuple[Document, list[str], tuple[Path, ...]]:
+    """Return a mission without names, with what its files contain, the problems and the files.
 
     Its ``let`` has the values of its names. Included steps become a ``repeat`` of one time, and an
     ``each`` with values by agent becomes one for each of them. What cannot be read remains as it
@@ -50,7 +50,8 @@ def resolved(
     for key in ("mission", "on"):
         if key in data:
             data[key] = files.steps(data[key], (document.path.resolve(),))
-    return replace(document, root=replace(document.root, data=data)), findings.problems
+    document = replace(document, root=replace(document.root, data=data))
+    return document, findings.problems, files.paths
 
 
 def check_alone(document: Document, composed: Mapping[str, Any]) -> None:
@@ -87,6 +88,11 @@ class _Files:
         self._registry = registry
         self._folder = mission.path.parent
         self._read: dict[tuple[str, Path], Document] = {}
+
+    @property
+    def paths(self) -> tuple[Path, ...]:
+        """The files that were read."""
+        return tuple(document.path for document in self._read.values())
 
     def cameras(self, cameras: Value) -> Value:
         """Return cameras with their files' content; keys of the mission itself take precedence."""

@@ -63,7 +63,7 @@ def checked(written: Document, registry: Registry, assignments: Sequence[str] = 
     """
     require_kind(written, "mission", registry)
     composed = schema.compose(registry.offers())
-    document, problems = resolved(override(written, assignments), composed, registry)
+    document, problems, files = resolved(override(written, assignments), composed, registry)
     faults = schema.faults(document, composed)
     problems += schema.located(document, faults)
     world, room = _world(document, problems, registry)
@@ -103,6 +103,7 @@ def checked(written: Document, registry: Registry, assignments: Sequence[str] = 
         source=document.data,
         file=document,
         world_file=world,
+        files=files,
         warnings=tuple(
             document.located(problem for problem in mission_problems if problem.warning)
         ),

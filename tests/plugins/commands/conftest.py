@@ -14,9 +14,11 @@ from star_core import Registry
 def in_process(monkeypatch: pytest.MonkeyPatch) -> None:
     """Has `star ablate` fly in this process: a worker process needs a second to start."""
 
-    def fly_all(jobs: Sequence[Job], *_: object, **__: object) -> Iterator[tuple[int, Result]]:
+    def fly_all(
+        _: object, jobs: Sequence[Job], *__: object, **___: object
+    ) -> Iterator[tuple[int, Result]]:
         registry = Registry()
         for index, job in enumerate(jobs):
             yield index, fly_job(job, registry)
 
-    monkeypatch.setattr("star_ablate.command.fly_all", fly_all)
+    monkeypatch.setattr("star_ablate.workers.Processes.fly_all", fly_all)

@@ -45,6 +45,7 @@ HARM = {
     "raise": lambda: {}["harm"],
     "quit": lambda: exit("harm"),
     "hang": lambda: time.sleep(1000),
+    "nap": lambda: time.sleep(0.3),
     "breed": lambda: time.sleep(print(subprocess.Popen(["sleep", "1000"]).pid, flush=True) or 1000),
 }
 
@@ -67,6 +68,16 @@ def star_avoiders():
     options = {"type": "object", "properties": {"made": text, "used": text}}
     yield AvoiderSpec(name="wrecker", summary="Does harm.", make=Wrecker, options=options)
 '''
+
+
+def install(site: Path, text: str) -> Path:
+    """Write the plugin and its metadata into a folder, and return the folder."""
+    about = site / "star_wrecker-1.0.dist-info"
+    about.mkdir(parents=True)
+    (site / "star_wrecker.py").write_text(text)
+    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: star-wrecker\nVersion: 1.0\n")
+    (about / "entry_points.txt").write_text("[star.plugins]\nwrecker = star_wrecker\n")
+    return site
 
 
 @pytest.fixture(scope="session")
@@ -99,24 +110,21 @@ def study(tmp_path: Path, laid_out: Callable[[Path], Write]) -> Write:
 def instant(monkeypatch: pytest.MonkeyPatch) -> None:
     """Replaces flights by a summary whose measures depend on the seed."""
 
-    def fly_all(jobs: Sequence[Job], *_: object, **__: object) -> Iterator[tuple[int, Result]]:
+    def fly_all(
+        _: object, jobs: Sequence[Job], *__: object, **___: object
+    ) -> Iterator[tuple[int, Result]]:
         for index, job in enumerate(jobs):
             measure = float(job.mission.scene.seed)
             summary = {"flight_time_s": measure, "path_length_m": {"total": measure}}
             yield index, Result("completed", "", 0.1, summary)
 
-    monkeypatch.setattr("star_ablate.command.fly_all", fly_all)
+    monkeypatch.setattr("star_ablate.workers.Processes.fly_all", fly_all)
 
 
 @pytest.fixture
 def wrecker(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Installs the wrecker for this process and those it starts; where it stands is returned."""
-    site = tmp_path / "site"
-    about = site / "star_wrecker-1.0.dist-info"
-    about.mkdir(parents=True)
-    (site / "star_wrecker.py").write_text(WRECKER)
-    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: star-wrecker\nVersion: 1.0\n")
-    (about / "entry_points.txt").write_text("[star.plugins]\nwrecker = star_wrecker\n")
+    site = install(tmp_path / "site", WRECKER)
     monkeypatch.syspath_prepend(site)
     monkeypatch.delitem(sys.modules, "star_wrecker", raising=False)  # that of another test
     return site

@@ -227,13 +227,14 @@ def test_a_dry_run_prints_what_would_be_flown(
     out = path.parents[1] / "out"
     probed: list[int] = []
 
-    def fly_all(jobs: Sequence[Job], *_: object) -> Iterator[tuple[int, Result]]:
+    def fly_all(_: object, jobs: Sequence[Job], *__: object) -> Iterator[tuple[int, Result]]:
         probed.append(len(jobs))
         yield from ((i, Result("completed", "", 2.0 + i, {})) for i in range(len(jobs)))
 
-    monkeypatch.setattr("star_ablate.dry_run.fly_all", fly_all)
     command = [str(path), "--dry-run", "--workers", "2", "--out", str(out)]
-    assert main(command) == 0
+    with monkeypatch.context() as patch:
+        patch.setattr("star_ablate.workers.Processes.fly_all", fly_all)
+        assert main(command) == 0
     assert not out.exists()
     assert capsys.readouterr().out.splitlines() == [
         *("1 condition:", "  hop, rate: slow", "seeds: 0, 1, 2, 3, 4, 5, 6"),

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -13,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from star_ablate.flight import Job, fly_job
-from star_ablate.workers import Worker, fly_all
+from star_ablate.workers import Processes, Worker
 from star_core import Mission, Registry, load
 from tests.waiting import eventually
 
@@ -53,8 +52,8 @@ def test_a_worker_that_died_idle_is_replaced(worker: Worker, hop: Callable[[str]
     assert worker.finish()[1].outcome == "failed"
     (process,) = [worker._process]
     assert process is not None
-    os.kill(process.pid or 0, signal.SIGKILL)
-    process.join()
+    process.kill()
+    process.wait()
     worker.begin(1, Job(hop("raise")))
     index, result = worker.finish()
     assert (index, result.outcome) == (1, "failed")
@@ -78,11 +77,11 @@ FLY = """
 import sys
 from pathlib import Path
 from star_ablate.flight import Job
-from star_ablate.workers import fly_all
+from star_ablate.workers import Processes
 from star_core import Registry, load
 if __name__ == "__main__":
     mission = load(sys.argv[1], Registry(), ["avoider={use: wrecker, made: 'breed'}"])
-    list(fly_all([Job(mission)], 1, Path(sys.argv[2])))
+    list(Processes(1).fly_all([Job(mission)], Path(sys.argv[2])))
 """
 
 
@@ -127,5 +126,5 @@ def test_an_error_of_our_own_fails_its_run_and_is_logged(
 
 
 def test_without_tasks_nothing_is_started(tmp_path: Path) -> None:
-    assert list(fly_all([], 4, tmp_path / "log.txt")) == []
+    assert list(Processes(4).fly_all([], tmp_path / "log.txt")) == []
     assert not (tmp_path / "log.txt").exists()
