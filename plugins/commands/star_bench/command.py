@@ -7,6 +7,7 @@ import json
 import re
 import sys
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
@@ -36,6 +37,7 @@ from star_core.commands import (
 from star_core.toolkit import Progress, StudyFlight, StudyResults, suggestion
 
 FLOWN: Final = "flown"  # folder of the study's results
+ABOUT: Final = "study.json"
 SEEDS: Final = 5
 
 
@@ -66,9 +68,18 @@ def run(options: argparse.Namespace, registry: Registry) -> int:
         (folder / "bench.md").write_text(table, encoding="utf-8")
         titled = StudyResults(tuple(_titled(flown, campaign)))
         (folder / "results.csv").write_text(titled.as_csv(FACTORS, MEASURES), encoding="utf-8")
+        _write_versions(folder)
     report = write_report(folder, registry)
     sys.stdout.write(f"{table}\nresults: {folder}\n{report}\n")
     return 1 if flown.interrupted else 0
+
+
+def _write_versions(folder: Path) -> None:
+    """Write, for the report, with which command and versions the campaign was flown."""
+    with suppress(FileNotFoundError):  # whatever flies studies need not write it
+        about = json.loads((folder / FLOWN / ABOUT).read_text(encoding="utf-8"))
+        versions = {name: value for name, value in about.items() if name != "study"}
+        (folder / ABOUT).write_text(json.dumps(versions, indent=2), encoding="utf-8")
 
 
 def configure(line: argparse.ArgumentParser) -> None:

@@ -189,6 +189,8 @@ def _interactions(results: Sequence[Result]) -> tuple[str, str, Sequence[Result]
 
 def _corrected(results: Sequence[Result]) -> str:
     number = sum(result.p is not None for result in results)
+    if not number:
+        return f"None has {MIN_SAMPLE} pairs, as a p-value needs."
     return (
         f"p-values are corrected by Holm for the {number} comparisons of this table; those below"
         f" {SIGNIFICANT:.2g} are in bold. Intervals are those of single comparisons."

@@ -25,6 +25,7 @@ from star_core import PluginError
 
 MAX_MESSAGE: Final = 64 * 1024  # bytes, of a client
 MAX_CAMERA: Final = 1e6  # of any number of a camera
+SCHEME: Final = "Sec-CH-Prefers-Color-Scheme"  # a request's; of Chromium, once it is asked for it
 CAMERA: Final = {
     "wxyz": 4, "position": 3, "look_at": 3, "up_direction": 3, "fov": 0, "near": 0, "far": 0,
     "image_height": 0, "image_width": 0,
@@ -45,6 +46,8 @@ class Gate:
 
     Attributes:
         token: That a connection has to present as its path.
+        on_scheme: Called with whether a browser prefers dark pages, when it loads the page, if it
+            says so.
     """
 
     def __init__(
@@ -54,6 +57,7 @@ class Gate:
         self._control = control
         self.token = token or token_urlsafe(16)
         self._guards = False
+        self.on_scheme: Callable[[bool], None] = lambda _dark: None
 
     @contextmanager
     def guarding(self) -> Iterator[None]:
@@ -104,6 +108,10 @@ class Gate:
             response = None if process_request is None else process_request(connection, request)
             if response is None and not self.permits(request, port, handshake=True):
                 return connection.respond(HTTPStatus.FORBIDDEN, "no token\n")
+            if response is not None:
+                response.headers["Accept-CH"] = response.headers["Critical-CH"] = SCHEME
+                if scheme := request.headers.get(SCHEME):
+                    self.on_scheme(scheme.strip('"') == "dark")
             return response
 
         return check

@@ -81,7 +81,22 @@ def paint(server: viser.ViserServer, *, dark: bool) -> None:
     server.scene.set_background_image(background, format="png")
 
 
-def add_dark_switch(server: viser.ViserServer) -> None:
-    """Add a switch between a light and a dark page."""
-    box = server.gui.add_checkbox("dark", initial_value=False)
-    box.on_update(lambda event: paint(server, dark=event.target.value))
+def add_dark_switch(server: Page) -> None:
+    """Add a switch between a light and a dark page.
+
+    Until it is used, the page is as its browser prefers, where that tells servers: Chromium does.
+    """
+    box: viser.GuiInputHandle[bool] = server.gui.add_checkbox("dark", initial_value=False)
+    used = False
+
+    def switch(event: viser.GuiEvent[viser.GuiInputHandle[bool]]) -> None:
+        nonlocal used
+        used = used or event.client is not None
+        paint(server, dark=event.target.value)
+
+    def follow(dark: bool) -> None:  # noqa: FBT001 -- the gate calls it with this argument
+        if not used:
+            box.value = dark  # type: ignore[misc]  # viser declares no setter
+
+    box.on_update(switch)
+    server.gate.on_scheme = follow

@@ -23,6 +23,7 @@ from star_core.commands.main import main
 from star_view.command import FileWatch, simulate
 from star_view.drone_mesh import ARM, frame_and_rear, front
 from star_view.footprints import MAX_DISTANCE, footprint
+from star_view.gate import SCHEME
 from star_view.page import LOOPBACK, Page, open_page
 from star_view.plan_scene import PlannedStep, add_plan, planned_steps
 from star_view.replay import Replay
@@ -46,6 +47,17 @@ def test_the_page_is_served_on_this_machine_only(viewer: Replay) -> None:
     assert viewer.server.address.startswith(f"http://{LOOPBACK}:")
     with urllib.request.urlopen(viewer.server.address, timeout=5) as page:  # noqa: S310 -- http
         assert page.status == 200
+
+
+@pytest.mark.parametrize("scheme", ["dark", "light"])
+def test_the_page_is_dark_if_the_browser_prefers_that(viewer: Replay, scheme: str) -> None:
+    page = f"http://{LOOPBACK}:{viewer.server.get_port()}/"
+    request = urllib.request.Request(page, headers={SCHEME: f'"{scheme}"'})
+    with urllib.request.urlopen(request, timeout=5) as answer:  # noqa: S310 -- http
+        assert answer.headers["Accept-CH"] == answer.headers["Critical-CH"] == SCHEME
+    controls = viewer.server.gui._gui_input_handle_from_uuid.values()
+    (dark,) = [control for control in controls if control.label == "dark"]
+    assert dark.value is (scheme == "dark")
 
 
 def test_agents_are_where_they_were_at_the_time_of_the_slider(viewer: Replay) -> None:
