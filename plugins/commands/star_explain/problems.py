@@ -64,9 +64,10 @@ def _of_variant(
     origins = Origins(mission, registry, rehearsal)
     for step in steps_of(results(mission, registry, rehearsal, origins)):
         path = (*step.action.path, step.action.verb)
-        if step.late and step.timed:
-            text = f"{step.action.verb} {step.fault}"
-            yield Problem((*path, "timeout"), text, "timeout-too-short")
+        if step.late:
+            text = f"{step.action.verb} {step.fault}" + " in the rehearsal" * (not step.timed)
+            at = (*path, "timeout") if step.timed else path
+            yield Problem(at, text, "timeout-too-short", warning=not step.timed)
         for blocked in step.blocked:
             text = f"{blocked}: planner {mission.plugins['planner'].use!r} ignores obstacles{hint}"
             yield Problem(path, text, "path-blocked", warning=avoider.avoids_obstacles)

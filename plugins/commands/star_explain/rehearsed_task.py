@@ -129,7 +129,9 @@ class RehearsedTask:
         """End a step that does not end by itself."""
         self.running, limit = False, self._timeout
         if self._action.until is None and limit is not None and limit <= LONGEST:
-            self._problem = f"times out after {limit:g} s, even with nothing in the way"
+            self._problem = f"times out after {limit:.3g} s"
+            if self._action.timeout is None:
+                self._outcome = "late"
 
     @contextmanager
     def _noted(self) -> Iterator[None]:

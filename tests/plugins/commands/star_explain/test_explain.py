@@ -298,7 +298,7 @@ def test_a_step_that_would_fail_is_reported(explain: Explain) -> None:
     )
     assert "! in the rehearsal: already in the air: cf1, cf2" in text
     grounded = explain("  - land: {on_failure: continue}\n  - goto: {to: [0, 1, 1]}\n")
-    assert "s, even with nothing in the way" in grounded
+    assert "! in the rehearsal: times out after" in grounded
 
 
 def test_on_board_flight_is_reported_with_its_duration(explain: Explain, tmp_path: Path) -> None:

@@ -63,6 +63,11 @@ def test_an_offset_from_an_uncertain_position_is_warned_of(tmp_path: Path) -> No
     assert warnings(tmp_path, ended, known, "goto: {agents: cf1, by: [0, -2, 0]}") == []
 
 
+def test_a_step_that_times_out_in_the_rehearsal_is_warned_of(tmp_path: Path) -> None:
+    grounded = "land: {on_failure: continue}"  # so that the goal after it is not reached
+    assert warnings(tmp_path, grounded, "goto: {to: [0, 1, 1]}")[-1] == "14 timeout-too-short"
+
+
 def test_goals_too_near_to_another_agent_are_warned_of(tmp_path: Path) -> None:
     assert warnings(tmp_path, "goto: {agents: cf1, to: [1.1, 0, 0.8]}") == ["13 too-close"]
     assert warnings(tmp_path, "goto: {agents: cf1, to: [0.95, 0, 0.8]}") == ["13 too-close"]
