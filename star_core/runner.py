@@ -95,13 +95,13 @@ def _short_collections(scene: Scene) -> Iterator[None]:
 
     A full collection examines some 180,000 objects otherwise, which takes longer than a tick.
     """
-    frozen = scene.realtime and not gc.get_freeze_count()
-    if frozen:
+    before = gc.get_freeze_count()
+    if scene.realtime:
         gc.freeze()
     try:
         yield
     finally:
-        if frozen:
+        if scene.realtime and not before:
             gc.unfreeze()
 
 

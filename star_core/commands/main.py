@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import sys
 from collections.abc import Sequence
@@ -33,7 +34,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
             complete()
         _open_streams()
         _, dash, command = PurePath(sys.argv[0]).name.partition("star-")
-        return _without_threads(main([command] * bool(dash) + sys.argv[1:]))
+        gc.disable()  # until plugins are loaded, which stay
+        try:
+            return _without_threads(main([command] * bool(dash) + sys.argv[1:]))
+        finally:
+            gc.freeze()  # Python would search all of it for garbage as it exits
     try:
         try:
             return _main(list(arguments))
@@ -89,6 +94,9 @@ def _command(name: str, arguments: list[str]) -> int:
         StarError: There is none of that name.
     """
     registry = _loaded()
+    if not gc.isenabled():
+        gc.freeze()
+        gc.enable()
     names = registry.names("command")
     if name not in names:
         raise StarError(f"star has no command {name!r}{suggestion(name, names, 'there are')}")
