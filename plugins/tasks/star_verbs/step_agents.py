@@ -51,6 +51,7 @@ class StepAgents:
     def replace(self, old: int, new: int) -> None:
         """Replace an agent by another."""
         self._arrived &= self.rows != old
+        self._least = math.inf
         self.rows = np.where(self.rows == old, new, self.rows)
 
     def located(self, estimate: Estimate) -> bool:
@@ -114,7 +115,7 @@ class StepAgents:
             point: (K, 3) their positions, m; those that it returned in the last tick.
             within: Distance at which an agent has arrived, m.
         """
-        if not self.located(estimate):
+        if len(point) == 1 or not self.located(estimate):
             return point
         position, time = estimate.position[self.rows], estimate.time
         distance = np.linalg.norm(position - point, axis=1)

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from star_core import AgentPhase, Array
 from star_core.testing import estimate, health, scene
 from star_verbs import step_agents
-from star_verbs.step_agents import assign
+from star_verbs.step_agents import StepAgents, assign
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -109,6 +109,16 @@ def test_a_stuck_agent_and_one_before_it_exchange(
     exchanged[[last, before]] = there[[before, last]]
     assert goals[0].tolist() == there.tolist()
     assert goals[-1].tolist() == exchanged.tolist()
+
+
+def test_agents_do_not_exchange_for_a_replacement_on_its_way() -> None:
+    agents, point = StepAgents(scene(3), (0, 1)), np.array([[0.0, 0, 1], [1, 0, 1]])
+    position = np.array([[0.0, 0, 1], [1.3, 0, 1], [-2.0, 0, 1]])
+    agents.exchanged(estimate(position), point, 0.1)
+    agents.replace(1, 2)
+    for time in np.arange(0.5, 5.0, 0.5):
+        position[2, 0] += 0.25
+        assert agents.exchanged(estimate(position, time=time), point, 0.1) is point
 
 
 def _side(a: Array, b: Array, c: Array) -> float:

@@ -45,8 +45,9 @@ OPTIONS: Final[Mapping[str, Any]] = {
         "shape": {
             "enum": ["line", "grid", "circle", "points"],
             "description": "Shape to form; agents are assigned to its positions so that the "
-            "total distance flown is minimal. A line lies along x, a grid has its columns "
-            "along x, and a circle begins at its greatest x, before they are rotated.",
+            "total distance flown is minimal, and exchange them if they get stuck. A line lies "
+            "along x, a grid has its columns along x, and a circle begins at its greatest x, "
+            "before they are rotated.",
         },
         "centre": point(
             "Center of the formation, [x, y, z] in the map, m. The default for 'points' is "
