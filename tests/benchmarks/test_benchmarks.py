@@ -81,6 +81,7 @@ SCRIPTS = {
     "imu_errors": Small(str(FLIGHTS), needs=(FLIGHTS,), campaign="20 s", prints="|"),
     "landmarks": Small(campaign="60 s", sizes={"MINUTES": 2.0}),
     "mosaic": Small("--json --scenes 1", campaign="10 s"),
+    "tests.campaign.killed_studies": Small("--runs 6 --kills 2", prints="each run was flown once"),
     "tests.campaign.link_cuts": Small(
         "--flights 1 --processes 1 --phases landing --lengths 0.3", prints="landing"
     ),
@@ -106,6 +107,11 @@ SCRIPTS = {
     ),
     "soak": Small("--json --minutes 0.1 --drones 2", campaign="real time"),
     "startup": Small("--json --rounds 1", campaign="a cold start"),
+    "study": Small(
+        "--json --only plan cluster report",
+        {"RUNS": 40, "WORKERS": 4, "NAP": 0.02, "PROCESSES": 1, "PLANS": ((4, 2),)},
+        needs=("distributed", "plotly"),
+    ),
     "tick": Small("--json --agents 40"),
     "tick_cost": Small("--json --agents 3 --flights 1", {"ROUNDS": 1}),
     "tick_files": Small("--json"),

@@ -11,6 +11,7 @@ import re
 import sys
 from codecs import BOM_UTF8
 from contextlib import nullcontext
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -66,6 +67,7 @@ def read_yaml(path: Path, *, text_keys: bool = False) -> Value:
     return parse(text, str(path), text_keys=text_keys)
 
 
+@lru_cache(maxsize=64)  # a study reads a mission for each of its conditions; values are immutable
 def parse(text: str, source: str, *, text_keys: bool = False) -> Value:
     """Parse YAML.
 

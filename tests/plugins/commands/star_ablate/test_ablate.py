@@ -17,7 +17,6 @@ import star_ablate
 from star_ablate.flight import Job, Result
 from star_core import InputError, Registry
 from star_core.commands import run_command
-from tests.campaign.killed_studies import compare
 from tests.commands import command
 
 main = command("ablate")
@@ -185,10 +184,6 @@ def test_what_has_changed_since_is_flown_again(
     runs = "1 run is" if "plugin" in change else "2 runs are"
     assert f"star: {runs} flown again: {change}\n" in capsys.readouterr().err
     assert len((out / "runs.jsonl").read_text().splitlines()) == 2 + int(runs[0])
-
-
-def test_a_killed_study_equals_an_uninterrupted_one() -> None:
-    assert compare(runs=6, kills=[1, 3]) == ""
 
 
 @pytest.mark.usefixtures("wrecker")

@@ -1,0 +1,275 @@
+"""Studies: planning, 10,000 runs on 64 workers of a cluster, their report, and real flights.
+
+``python benchmarks/study.py`` prints a table, with ``--json`` one JSON object; ``--only`` measures
+some of it. Everything runs on this machine; other load on it is part of every wall time.
+
+- ``plan``: processor time to read a study and check its missions, as conditions x seeds.
+- ``cluster``: a study of `RUNS` runs on `WORKERS` workers of Dask, of one thread each, in a few
+  processes. **No run flies**: a worker sleeps `NAP` seconds and returns the summary of a flight
+  that was flown once, with some noise. Efficiency is the sum of all sleeps over the wall time of
+  the study, its table included, times the number of workers. Memory is the parent's peak.
+- ``report``: of that study: processor time to write it, its size and, where playwright is
+  installed, the wall time until its first figure is shown in Chromium.
+- ``flights``: wall time of a study of `FLIGHTS` real flights on one core over that on two.
+- ``overhead``: processor time of a run in a study, on this machine and on a cluster, over that of
+  a bare flight in a loop: the time of 3 n runs in all processes less that of n runs, over 2 n, so
+  that starts do not count.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import random
+import resource
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, Final
+
+from star_ablate.cluster import Cluster
+from star_ablate.command import _fly
+from star_ablate.reading import read
+from star_ablate.workers import Engine, Processes
+from star_core import Registry, fly, load
+
+ROOT: Final = Path(__file__).parents[1]
+STAR: Final = Path(sys.executable).with_name("star")
+RUNS, WORKERS, NAP = 10_000, 64, 1.0  # s
+PROCESSES = 8  # of the workers
+PLANS = ((100, 100), (1000, 10))  # conditions, seeds
+FLIGHTS = 48
+OVERHEAD_FLIGHTS = 20  # n
+GOALS: Final = {
+    "plan (s)": "<= 10", "efficiency": ">= 0.9", "memory (MB)": "<= 500", "report (MB)": "<= 5",
+    "report opens (s)": "<= 3", "two cores over one": ">= 1.8", "local overhead (ms)": "<= 50",
+    "dask overhead (ms)": "<= 150",
+}  # fmt: skip
+START_WORKERS: Final = """\
+import asyncio, sys
+from distributed import Worker
+async def serve():
+    workers = [Worker(sys.argv[1], nthreads=1, dashboard=False) for _ in range(int(sys.argv[2]))]
+    await asyncio.gather(*workers)
+    await asyncio.gather(*[worker.finished() for worker in workers])
+asyncio.run(serve())
+"""
+
+
+def nap(text: str) -> str:
+    """Sleep in place of the flight of an order; return the summary of another flight."""
+    from distributed import get_worker
+
+    time.sleep(float(os.environ["STAR_NAP"]))
+    summary = json.loads(Path(os.environ["STAR_SUMMARY"]).read_text())
+    noise = random.Random(json.loads(text)["seed"])  # noqa: S311 -- no secret
+    summary["flight_time_s"] += noise.gauss()
+    summary["min_separation_m"] *= noise.uniform(0.9, 1.1)
+    return json.dumps([get_worker().address, ["completed", "", 1.0, summary]])
+
+
+def write(folder: Path, conditions: int, seeds: int) -> Path:
+    """Write a study of first_flight with several radii of `orca` into a folder."""
+    shutil.copytree(ROOT / "missions/worlds", folder / "worlds", dirs_exist_ok=True)
+    shutil.copy(ROOT / "missions/first_flight.yaml", folder)
+    (folder / "studies").mkdir(exist_ok=True)
+    levels = ", ".join(
+        f"r{k}: {{avoider: {{use: orca, radius: {0.2 + 0.1 * k / conditions:.6f}}}}}"
+        for k in range(conditions)
+    )
+    path = folder / "studies/study.yaml"
+    path.write_text(
+        "star: 1\nname: study\nmissions: [../first_flight.yaml]\n"
+        f"seeds: {seeds}\nfactors: {{radius: {{{levels}}}}}\n"
+        "measures: [flight_time_s, min_separation_m, path_length_m.total]\n"
+    )
+    return path
+
+
+def plans(folder: Path) -> Iterator[tuple[str, float]]:
+    """Yield the processor time of planning, s."""
+    for conditions, seeds in PLANS:
+        path, registry = write(folder, conditions, seeds), Registry()
+        begun = time.process_time()
+        runs = len(list(read(path, registry).runs()))
+        yield f"plan (s) {conditions} x {seeds} = {runs} runs", time.process_time() - begun
+
+
+@contextmanager
+def cluster(workers: int, processes: int, **environment: str) -> Iterator[tuple[str, list[int]]]:
+    """Start a scheduler and workers; yield its address and the numbers of all processes."""
+    environ = os.environ | {"PYTHONPATH": str(ROOT / "benchmarks")} | environment
+    with TemporaryDirectory() as folder:
+        file = Path(folder, "scheduler.json")
+        dask = [str(STAR.with_name("dask")), "scheduler", "--host", "127.0.0.1", "--port", "0"]
+        command = [*dask, "--no-dashboard", "--scheduler-file", str(file)]
+        quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+        programs = [subprocess.Popen(command, env=environ, **quiet)]  # type: ignore[call-overload]
+        try:
+            while not file.exists() or not file.read_text().endswith("}"):
+                time.sleep(0.05)
+            address = str(json.loads(file.read_text())["address"])
+            for _ in range(processes):
+                start = [sys.executable, "-c", START_WORKERS, address, str(workers // processes)]
+                programs.append(subprocess.Popen(start, env=environ, **quiet))  # type: ignore[call-overload]
+            wait_for_workers(address, workers)
+            yield address, [program.pid for program in programs]
+        finally:
+            for program in programs:
+                program.kill()
+                program.wait()
+
+
+def wait_for_workers(address: str, number: int) -> None:
+    """Wait until a scheduler has a number of workers."""
+    from distributed import Client
+
+    connect: Any = Client
+    with closing(connect(address, set_as_default=False)) as client:
+        client.wait_for_workers(number)
+
+
+def parent(address: str, path: str, out: str) -> None:
+    """Fly a study of sleeps on a cluster, and print wall time, s, and peak memory, MB."""
+    from study import nap as task  # by which workers can import it
+
+    study = read(Path(path), registry := Registry())
+    with closing(Cluster(registry, address, task=task)) as engine:
+        begun = time.perf_counter()
+        _fly(study, Path(out), engine)
+        wall_time = time.perf_counter() - begun
+    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    print(json.dumps([wall_time, memory, time.process_time()]))
+
+
+def sleeps(folder: Path) -> Iterator[tuple[str, float]]:
+    """Yield the figures of a study of sleeps."""
+    path = write(folder, *((10, RUNS // 10) if RUNS >= 10 else (1, RUNS)))  # noqa: PLR2004 -- ten
+    registry = Registry()
+    summary = folder / "summary.json"
+    summary.write_text(json.dumps(fly(load("missions/first_flight.yaml", registry), registry)))
+    with cluster(WORKERS, PROCESSES, STAR_NAP=str(NAP), STAR_SUMMARY=str(summary)) as (address, _):
+        command = [sys.executable, __file__, "--parent", address, str(path), str(folder / "out")]
+        done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True,
+                              stderr=subprocess.DEVNULL)  # fmt: skip
+    wall_time, memory, spent = json.loads(done.stdout)
+    yield (
+        f"efficiency, {RUNS} sleeps of {NAP:g} s, {WORKERS} workers",
+        (RUNS * NAP / (WORKERS * wall_time)),
+    )
+    yield "memory (MB)", memory
+    yield "parent's processor time for a run (ms)", 1000 * spent / RUNS
+
+
+def report(folder: Path) -> Iterator[tuple[str, float]]:
+    """Yield the figures of the report of the study of sleeps."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    subprocess.run([STAR, "report", folder / "out"], check=True, stdout=subprocess.DEVNULL)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    yield "report written (s)", after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    page = folder / "out/report.html"
+    yield "report (MB)", page.stat().st_size / 1e6
+    try:
+        from report import opened
+
+        yield "report opens (s)", opened(page, 1)["open_s"]
+    except ImportError:
+        print("report opens: playwright is not installed", file=sys.stderr)
+
+
+def flown(path: Path, out: Path, engine: Engine) -> float:
+    """Fly a study and return its wall time, s."""
+    study = read(path, Registry())
+    begun = time.perf_counter()
+    with closing(engine):
+        _fly(study, out, engine)
+    return time.perf_counter() - begun
+
+
+def flights(folder: Path) -> Iterator[tuple[str, float]]:
+    """Yield how much faster two cores are than one."""
+    path = write(folder, 1, FLIGHTS)
+    one = flown(path, folder / "one", Processes(1))
+    two = flown(path, folder / "two", Processes(2))
+    yield f"two cores over one, {FLIGHTS} flights", one / two
+
+
+def spent_by(processes: list[int]) -> float:
+    """Return the processor time of this process, of processes and of their children, s."""
+    import psutil
+
+    total = sum(os.times()[:4])
+    for number in processes:
+        process = psutil.Process(number)
+        for each in [process, *process.children(recursive=True)]:
+            total += sum(each.cpu_times()[:4])
+    return total
+
+
+def per_run(folder: Path, name: str, engine: Callable[[], Engine], others: list[int]) -> float:
+    """Return the processor time of a run in a study, s, without that of starts."""
+    spent = []
+    for n in (OVERHEAD_FLIGHTS, 3 * OVERHEAD_FLIGHTS):
+        path = write(folder, 1, n)
+        before = spent_by(others)
+        flown(path, folder / f"{name}-{n}", engine())
+        spent.append(spent_by(others) - before)
+    return (spent[1] - spent[0]) / (2 * OVERHEAD_FLIGHTS)
+
+
+def overheads(folder: Path) -> Iterator[tuple[str, float]]:
+    """Yield what a run costs in a study beside a bare flight, ms."""
+    registry = Registry()
+    mission = load(write(folder, 1, 1).parents[1] / "first_flight.yaml", registry, [
+        "avoider={use: orca, radius: 0.2}"])  # fmt: skip
+    fly(mission.with_seed(0), registry)
+    begun = time.process_time()
+    for seed in range(OVERHEAD_FLIGHTS, 3 * OVERHEAD_FLIGHTS):
+        fly(mission.with_seed(seed), registry)
+    bare = (time.process_time() - begun) / (2 * OVERHEAD_FLIGHTS)
+    yield "bare flight (ms)", 1000 * bare
+    local = per_run(folder, "local", lambda: Processes(1), [])
+    yield "local overhead (ms)", 1000 * (local - bare)
+    with cluster(1, 1) as (address, processes):
+        dask = per_run(folder, "dask", lambda: Cluster(Registry(), address), processes)
+    yield "dask overhead (ms)", 1000 * (dask - bare)
+
+
+MEASURES: Final = {
+    "plan": plans, "cluster": sleeps, "report": report, "flights": flights, "overhead": overheads,
+}  # fmt: skip
+
+
+def main() -> None:
+    """Print the figures."""
+    arguments = argparse.ArgumentParser(description=__doc__)
+    arguments.add_argument("--json", action="store_true")
+    arguments.add_argument("--only", nargs="+", choices=MEASURES, default=list(MEASURES))
+    arguments.add_argument("--parent", nargs=3, help=argparse.SUPPRESS)
+    options = arguments.parse_args()
+    if options.parent:
+        parent(*options.parent)
+        return
+    figures: dict[str, float] = {}
+    with TemporaryDirectory() as home:
+        for name in options.only:
+            for label, value in MEASURES[name](Path(home)):
+                figures[label] = value
+                if not options.json:
+                    goal = next((g for k, g in GOALS.items() if label.startswith(k)), "")
+                    print(f"{label:60} {value:10.3f}  {goal}", flush=True)
+    load_average = os.getloadavg()
+    if options.json:
+        print(json.dumps(figures | {"load": load_average}))
+    else:
+        print("load average at the end:", *(f"{value:.1f}" for value in load_average))
+
+
+if __name__ == "__main__":
+    main()
