@@ -64,7 +64,7 @@ campaign: $(VENV)/.ready  ## the studies of docs/results.md and the tests that t
 	$(BIN)/python -m pytest -q -n auto -m "hypothesis and not campaign" --hypothesis-profile=campaign
 	$(BIN)/python -m pytest -q -m campaign
 	for study in drift paper-table-1 localisation; do $(BIN)/star ablate missions/studies/$$study.yaml; done
-	for topic in covariance search relief; do $(BIN)/python -m tests.campaign.$$topic; done
+	for topic in covariance search relief coverage; do $(BIN)/python -m tests.campaign.$$topic; done
 	$(BIN)/python benchmarks/downwash.py
 
 guardian: $(VENV)/.ready  ## the table of docs/guardian.md: flights whose program or guardian dies; long

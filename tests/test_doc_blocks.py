@@ -202,8 +202,9 @@ def test_every_command_of_a_block_exists_with_its_options(
         if program == "star-run":
             program, rest = "star", ["run", *rest]
         if program == "star" and rest[0] not in {"--help", "--version", "outcomes"}:
+            numbers = [re.sub(r"\$\w+", "1", word) for word in rest[1:]]  # of variables
             try:
-                parser_of(rest[0]).parse_args(rest[1:])
+                parser_of(rest[0]).parse_args(numbers)
             except SystemExit:
                 pytest.fail(f"{shlex.join(words)}: {capsys.readouterr().err}")
         elif program == "make":

@@ -69,11 +69,11 @@ def tables(study: Study) -> tuple[list[Table], dict[str, list[Result]]]:
     conditions, medians = results["condition"], set(study.varied) - study.shares
     built = [
         _table(study, "Means", f"Mean ± standard deviation. {METHODS}", conditions, _mean),
-        _others(study),
         _table(study, *_differences(study, results["difference"]), _difference),
         _table(study, *_marginal_means(study), results["marginal mean"], _mean),
         _table(study, *_interactions(results["interaction"]), _difference),
         _table(study, "Medians", "", [r for r in conditions if r.measure in medians], _median),
+        _others(study),
     ]
     return [table for table in built if table.rows], results
 
@@ -269,8 +269,9 @@ def html(table: Table) -> str:
         for row in table.rows
     )  # fmt: skip
     note = f"<p class=quiet>{escape(table.note)}</p>" if table.note else ""
+    numbers = " class=numbers" if table.measures else ""
     kind = " class=long" if len(table.rows) > MAX_UNBROKEN else ""
     return (
         f"<section{kind}><h2>{escape(table.title)}</h2>{note}"
-        f"<div class=wide><table><thead><tr>{head}<tbody>{rows}</table></div></section>"
+        f"<div class=wide><table{numbers}><thead><tr>{head}<tbody>{rows}</table></div></section>"
     )

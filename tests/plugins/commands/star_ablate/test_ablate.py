@@ -63,7 +63,7 @@ def test_example_study_shows_that_orca_separates_drones(
     ]
     apart = {row["avoider"]: float(row["min_separation_m"]) for row in found}
     assert apart["none"] < 0.5 < apart["orca 0.25"] < apart["orca 0.3"]
-    means = (tmp_path / "a" / "results.md").read_text().partition("\n## Not completed")[0]
+    means = (tmp_path / "a" / "results.md").read_text().partition("\n## Differences")[0]
     assert means in capsys.readouterr().out
 
 
