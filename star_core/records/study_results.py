@@ -42,7 +42,7 @@ class StudyFlight:
             ``crashed`` if its process ended.
         reason: Why it did not complete.
         wall_time: s.
-        summary: Content of ``summary.json``; None if it raised or crashed.
+        summary: The study's measures in ``summary.json``; None if it raised or crashed.
     """
 
     mission: str

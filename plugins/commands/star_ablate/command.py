@@ -157,8 +157,8 @@ def _fly(
     """Fly the runs that are missing in `folder`, write their table, and return the results."""
     chosen = chosen or Shard()
     _begin(study, folder, chosen)
-    runs = chosen.of(list(study.runs()))
-    with closing(Journal(folder / JOURNAL)) as journal, _interrupts() as interrupts:
+    runs, kept = chosen.of(list(study.runs())), study.measures
+    with closing(Journal(folder / JOURNAL, runs, kept)) as journal, _interrupts() as interrupts:
         results_by_key = {run.key: journal.done[run.key] for run in runs if run.key in journal.done}
         missing = [run for run in runs if run.key not in results_by_key]
         for change, count in journal.changes(missing).items():
@@ -169,14 +169,14 @@ def _fly(
         flights = engine.fly_all(jobs, output, limit, stopped=lambda: bool(interrupts))
         progress = StudyProgress(study.name, len(runs), len(results_by_key), engine.size)
         unchecked = bool(study.undeclared)
-        for summary in [r.summary for r in results_by_key.values() if r.summary is not None][:1]:
-            _require_measures(study, summary)
+        if journal.sample is not None:
+            _require_measures(study, journal.sample)
             unchecked = False
         error: StarError | None = None
         with progress, closing(flights):
             try:
                 for index, result in flights:
-                    results_by_key[missing[index].key] = result
+                    results_by_key[missing[index].key] = result.only(kept)
                     journal.add(missing[index], result)
                     progress.add(missing[index], result)
                     if unchecked and result.summary is not None:
@@ -203,7 +203,7 @@ def _merge(study: Study, folder: Path, folders: Sequence[Path]) -> StudyResults:
         results_by_key = merged(runs, folders)
     with writing(folder):
         _begin(study, folder, Shard())
-        with closing(Journal(folder / JOURNAL)) as journal:
+        with closing(Journal(folder / JOURNAL, runs, study.measures)) as journal:
             for run in runs:
                 if run.key not in journal.done:
                     journal.add(run, results_by_key[run.key])

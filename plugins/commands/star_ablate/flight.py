@@ -8,7 +8,7 @@ import logging
 import os
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection
@@ -16,11 +16,13 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Final, NamedTuple
 
-from star_ablate.orders import Order, mission_of
+from star_ablate.basis import differences
+from star_ablate.measures import selected
+from star_ablate.orders import Order, basis_of, mission_of
 from star_core import Mission, Registry, StarError
 from star_core.toolkit import shortlist
 
-DIFFERS: Final = "differs"  # outcome of an order on a machine with other code
+DIFFERS: Final = "differs"  # outcome of a run that would depend on something else than planned
 
 log = logging.getLogger(__name__)
 
@@ -58,6 +60,11 @@ class Result:
     wall_time: float
     summary: Mapping[str, Any] | None
 
+    def only(self, measures: Iterable[str]) -> Result:
+        """Return the result with some measures of its summary."""
+        summary = None if self.summary is None else selected(self.summary, measures)
+        return replace(self, summary=summary)
+
 
 def serve(descriptor: int, output: str) -> None:
     """Fly jobs and orders received over a connection and send their results, until it is closed.
@@ -82,9 +89,17 @@ def serve(descriptor: int, output: str) -> None:
 
 
 def fly_job(job: Job, registry: Registry) -> Result:
-    """Fly a job, and return its result, also if it raises."""
+    """Fly a job, and return its result, also if it raises.
+
+    The outcome is `DIFFERS`, and nothing is flown, if code or a file has changed since the study
+    was planned.
+    """
     from star_core import fly
 
+    if job.basis is not None and (
+        changed := differences(job.basis, basis_of(job.mission, registry))
+    ):
+        return Result(DIFFERS, shortlist(changed), 0.0, None)
     begun = time.perf_counter()
     try:
         summary = fly(job.mission, registry, folder=job.folder)

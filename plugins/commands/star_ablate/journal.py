@@ -6,8 +6,7 @@ import json
 import os
 import time
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import asdict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO, Final, NamedTuple
 
@@ -44,15 +43,24 @@ class Journal:
 
     Args:
         path: The file; created if it does not exist.
+        runs: Of the study.
+        kept: Measures to keep of the summaries in the file.
 
     Attributes:
         done: Results of the runs that have a summary, by their key. Runs that raised or crashed are
             omitted: they are flown again.
+        sample: A whole summary of one of `runs`; None if there is none.
     """
 
-    def __init__(self, path: Path) -> None:
-        found = entries(path) if path.exists() else ()
-        self._entries = [entry for entry in found if entry.result.summary is not None]
+    def __init__(self, path: Path, runs: Iterable[Run], kept: Sequence[str]) -> None:
+        keys = {run.key for run in runs}
+        self.sample: Mapping[str, Any] | None = None
+        self._entries: list[Entry] = []
+        for entry in entries(path) if path.exists() else ():
+            if entry.result.summary is not None:
+                if self.sample is None and entry.key in keys:
+                    self.sample = entry.result.summary
+                self._entries.append(entry._replace(result=entry.result.only(kept)))
         self.done = {entry.key: entry.result for entry in self._entries}
         self._file = path.open("a+b")
         if self._file.tell() and not _ends_line(self._file):  # its writer was killed in a line
@@ -66,7 +74,9 @@ class Journal:
         """Store the result of a run."""
         about = {"key": run.key, "mission": run.condition.file, "seed": run.seed}
         about |= {"levels": dict(run.condition.levels), "basis": dict(run.condition.basis)}
-        self._file.write(json.dumps(about | asdict(result)).encode() + b"\n")
+        about |= {"outcome": result.outcome, "reason": result.reason}
+        about |= {"wall_time": result.wall_time, "summary": result.summary}
+        self._file.write(json.dumps(about).encode() + b"\n")
         self._file.flush()
 
     def close(self) -> None:

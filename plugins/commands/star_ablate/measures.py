@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from star_core import Problem, Registry
-from star_core.toolkit import STUDY_COLUMNS, SUMMARY_MEASURES, suggestion
+from star_core.toolkit import STUDY_COLUMNS, SUMMARY_MEASURES, suggestion, value_at
 
 CODE = "unknown-measure"
 
@@ -59,6 +59,23 @@ def paths(summary: Mapping[str, Any], above: str = "") -> Iterator[str]:
         yield f"{above}{key}"
         if isinstance(value, Mapping):
             yield from paths(value, f"{above}{key}.")
+
+
+def selected(summary: Mapping[str, Any], measures: Iterable[str]) -> dict[str, Any]:
+    """Return some measures of a summary, as a summary: whole ones of 10,000 runs are large.
+
+    >>> selected({"a": {"b": 1, "c": 2}, "d": 3}, ["a.b", "e"])
+    {'a': {'b': 1}}
+    """
+    part: dict[str, Any] = {}
+    for measure in measures:
+        if (value := value_at(summary, measure)) is not None:
+            *above, last = measure.split(".")
+            inner = part
+            for key in above:
+                inner = inner.setdefault(key, {})
+            inner[last] = value
+    return part
 
 
 def _is_offered(measure: str, declared: Iterable[str]) -> bool:

@@ -86,10 +86,15 @@ def mission_of(order: Order, folder: Path, registry: Registry) -> tuple[Mission,
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(base64.b64decode(content))
     mission = load(folder / order.name, registry, order.assignments)
-    different = differences(order.basis, _basis(registry).of(mission))
+    different = differences(order.basis, basis_of(mission, registry))
     if order.python != platform.python_version():
         different.append(f"Python {platform.python_version()}, not {order.python}")
     return mission.with_seed(order.seed), different
+
+
+def basis_of(mission: Mission, registry: Registry) -> dict[str, str]:
+    """Return what the result of a mission depends on in this process, as `Basis.of` does."""
+    return _basis(registry).of(mission)
 
 
 @lru_cache(maxsize=1)

@@ -18,8 +18,9 @@ from multiprocessing import connection
 from pathlib import Path
 from typing import Final, Protocol
 
-from star_ablate.flight import Job, Result
+from star_ablate.flight import DIFFERS, Job, Result
 from star_ablate.orders import Order
+from star_core import StarError
 
 POLL_INTERVAL: Final = 0.2  # s, between checks whether to stop
 EXIT_TIMEOUT: Final = 5.0  # s, in which a process ends by itself
@@ -102,6 +103,9 @@ class Processes:
                     if worker.connection not in ready and worker.remaining() > 0:
                         continue
                     done = worker.finish()
+                    if done[1].outcome == DIFFERS:
+                        wrong = f"changed since the study began: {done[1].reason}; run it again"
+                        raise StarError(wrong, "different-worker")
                     if (following := next(waiting, None)) is not None:
                         worker.begin(*following)
                     yield done

@@ -68,24 +68,24 @@ def test_maps_and_lists_stand_as_json() -> None:
 
 def test_a_journal_gives_back_what_left_a_summary(tmp_path: Path) -> None:
     ((first, flew), (second, _)) = results({"a": 0.1}, {"a": 2})
-    with closing(Journal(tmp_path / "runs.jsonl")) as journal:
+    with closing(Journal(tmp_path / "runs.jsonl", [first], ["a"])) as journal:
         journal.add(first, flew)
         journal.add(second, Result("crashed", "gone", 1.0, None))
-    with closing(Journal(tmp_path / "runs.jsonl")) as journal:
+    with closing(Journal(tmp_path / "runs.jsonl", [first], ["a"])) as journal:
         assert journal.done == {"key-0": flew}
 
 
 def test_a_line_that_was_not_finished_costs_its_own_run_only(tmp_path: Path) -> None:
     path = tmp_path / "runs.jsonl"
     ((first, flew), (second, flew_too)) = results({"a": 1}, {"a": 2})
-    with closing(Journal(path)) as journal:
+    with closing(Journal(path, [first, second], ["a"])) as journal:
         journal.add(first, flew)
         journal.add(second, flew_too)
     path.write_text(path.read_text()[:-9])
-    with closing(Journal(path)) as journal:
+    with closing(Journal(path, [first, second], ["a"])) as journal:
         assert list(journal.done) == ["key-0"]
         journal.add(second, flew_too)
-    with closing(Journal(path)) as journal:
+    with closing(Journal(path, [first, second], ["a"])) as journal:
         assert list(journal.done) == ["key-0", "key-1"]
 
 

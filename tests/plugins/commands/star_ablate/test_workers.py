@@ -12,8 +12,10 @@ from pathlib import Path
 import pytest
 
 from star_ablate.flight import Job, fly_job
+from star_ablate.reading import read
 from star_ablate.workers import Processes, Worker
-from star_core import Mission, Registry, load
+from star_core import Mission, Registry, StarError, load
+from tests.plugins.commands.star_ablate.conftest import WRECKER
 from tests.waiting import eventually
 
 pytestmark = pytest.mark.usefixtures("wrecker")
@@ -100,6 +102,18 @@ def test_workers_end_with_their_killed_parent(
         worker = int(Path(f"/proc/{started}/stat").read_text().rpartition(")")[2].split()[1])
         parent.kill()
     assert eventually(lambda: not alive(worker) and not alive(int(started)))
+
+
+def test_code_that_changes_in_a_study_ends_it(
+    study: Callable[[str], Path], wrecker: Path, tmp_path: Path
+) -> None:
+    text = "missions: [../hop.yaml]\nseeds: 1\nfactors: {a: {b: {avoider: wrecker}}}\n"
+    (run,) = read(study(text), Registry()).runs()
+    (wrecker / "star_wrecker.py").write_text(WRECKER + "\n# edited\n")
+    with pytest.raises(
+        StarError, match="since the study began: plugin 'star-wrecker:wrecker'; run"
+    ):
+        list(Processes(1).fly_all([run.job()], tmp_path / "log.txt"))
 
 
 @pytest.mark.parametrize("harm", ["raise", "quit"])
