@@ -43,6 +43,7 @@ COMMANDS: dict[str, list[str]] = {
     "plugins": ["", "@"],
     "recover": ["@/run", "@/missing"],
     "report": ["@/run", "@/run --out @/missing/report.html", "@/study"],
+    "scan": ["@/missing.yaml", "radio://@"],
     "schema": ["--out @/missing/schema.json", "@"],
     "stop": ["@"],
     "tags": ["@/arena.yaml --out @/tags.pdf", "@/missing.yaml"],

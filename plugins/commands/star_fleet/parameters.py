@@ -76,6 +76,7 @@ PARAMETERS: Final = (
     Parameter("kalman.initialY", FLOAT),
     Parameter("kalman.initialZ", FLOAT),
     Parameter("kalman.initialYaw", FLOAT),
+    Parameter("led.bitmask", U8),
     Parameter("locSrv.extPosStdDev", FLOAT, 0.01),
     Parameter("locSrv.extQuatStdDev", FLOAT, 4.5e-3),
     Parameter("motion.disable", U8),

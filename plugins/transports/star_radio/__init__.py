@@ -1,6 +1,6 @@
 """Transport ``radio``: Crazyflies reached through cflib, or simulated by ``star fleet``.
 
-The command ``star land`` lands those that no program flies any more.
+The command ``star scan`` finds them, and ``star land`` lands those that no program flies any more.
 """
 
 from __future__ import annotations
@@ -96,6 +96,13 @@ def star_transports() -> Iterable[TransportSpec]:
 
 @hookimpl
 def star_commands() -> Iterable[CommandSpec]:
+    yield CommandSpec(
+        name="scan",
+        summary="List the drones that answer: firmware, battery, decks and link.",
+        configure=deferred("star_radio.scan_command:configure"),
+        run=deferred("star_radio.scan_command:run"),
+        group="Hardware",
+    )
     yield CommandSpec(
         name="land",
         summary="Land drones that no program flies any more, by their links.",

@@ -6,30 +6,27 @@ import argparse
 import sys
 import threading
 import time
-from collections.abc import Sequence
 from contextlib import suppress
-from pathlib import Path
 from typing import Final
 
 import numpy as np
 
-from star_core import Frames, InputError, PluginError, Registry, load
+from star_core import Frames, PluginError, Registry
 from star_core.commands import add_set_option
-from star_core.toolkit import GroundEvidence, Progress, fill_defaults, shortlist
+from star_core.toolkit import GroundEvidence, Progress, shortlist
 from star_radio import budget
-from star_radio.address import drone, fault
 from star_radio.connection import udp_links
 from star_radio.connection.cflib_link import silence_cflib
 from star_radio.connection.link import Link
 from star_radio.connection.tables import Tables, user_cache
 from star_radio.landings import Landings
-from star_radio.options import OPTIONS, RadioOptions
+from star_radio.options import UNCHANGED
+from star_radio.targets import links
 from star_radio.telemetry import TelemetryBuffer
 from star_radio.vehicle import Vehicle
 
 PERIOD: Final = 0.05  # s, between two steps
 SETTLING_TIME: Final = 2.5  # s, for which a drone on the ground may yet report to fly
-UNCHANGED: Final = RadioOptions(**fill_defaults({"reset": False}, OPTIONS))
 
 
 def run(options: argparse.Namespace, registry: Registry) -> int:
@@ -38,7 +35,7 @@ def run(options: argparse.Namespace, registry: Registry) -> int:
     Raises:
         InputError: An address is invalid, or the mission is.
     """
-    uris = _uris(options.targets, options.set, registry)
+    uris = links(options.targets, options.set, registry)
     rescue = Rescue(uris)
     try:
         with Progress("landing", len(uris), unit="drones", detail=rescue.detail) as progress:
@@ -86,25 +83,6 @@ def _positive(text: str) -> float:
 
 
 _positive.__name__ = "positive number"  # as argparse calls it
-
-
-def _uris(targets: Sequence[str], assignments: Sequence[str], registry: Registry) -> dict[str, str]:
-    """Return the links of the drones by their names, which for a link is the link itself."""
-    uris: dict[str, str] = {}
-    for target in targets:
-        if "://" in target:
-            uris[target] = target
-            continue
-        for agent in load(Path(target), registry, assignments).scene.agents:
-            if agent.uri is None:
-                text = f"{target}: agent {agent.name!r} has no 'uri': the address of its link"
-                raise InputError(text, "missing-option")
-            uris[agent.name] = agent.uri
-    for uri in uris.values():
-        if problem := fault(uri):
-            raise InputError(problem, "invalid-address")
-    unique = {drone(uri): name for name, uri in reversed(uris.items())}
-    return {name: uri for name, uri in uris.items() if unique[drone(uri)] == name}
 
 
 class Rescue:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
-from star_core.toolkit import number, positive
+from star_core.toolkit import fill_defaults, number, positive
 
 OPTIONS: dict[str, Any] = {
     "type": "object",
@@ -185,3 +185,7 @@ class RadioOptions:
     camera_latency: float
     mocap: Mapping[str, Any] | None
     broadcast: int | None
+
+
+UNCHANGED: Final = RadioOptions(**fill_defaults({"reset": False}, OPTIONS))
+"""Those of commands that reset no estimator and set no parameter."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Final, NamedTuple
 
 from star_core import PluginError, Supervisor, Trajectory
@@ -13,8 +13,9 @@ from star_radio.accelerometer import Accelerometer
 from star_radio.connection import log_blocks, packets
 from star_radio.connection.estimator import ConvergenceWait, EstimatorNoise, reset_estimator
 from star_radio.connection.link import Link
+from star_radio.connection.log_values import LogValues
 from star_radio.connection.questions import ATTEMPTS, Question
-from star_radio.connection.tables import Table, Tables, set_now
+from star_radio.connection.tables import Table, Tables, read_now, set_now
 from star_radio.handover import Handover, Repeat
 from star_radio.options import RadioOptions
 from star_radio.report import Layout
@@ -55,6 +56,7 @@ class Vehicle:
         version: Protocol version of its firmware.
         stream: Its reports.
         accelerometer: Those of its accelerometer.
+        variables: Its table of log variables.
         parameters: Its table of parameters.
         take_off_memory: Number of the memory for profiles of take-offs; None if there is none.
         settling: Whether `connect` waits for its estimator to settle.
@@ -69,6 +71,7 @@ class Vehicle:
         self.name = name
         self.link = link
         self.version = 0
+        self.variables: Table = {}
         self.parameters: Table = {}
         self.take_off_memory: int | None = None
         self.settling = False
@@ -84,6 +87,7 @@ class Vehicle:
         self._close_by = 0.0  # s, deadline of closing
         self._noise = EstimatorNoise()
         self._convergence = ConvergenceWait()
+        self._values = LogValues()
         self._deadline = self._response_timeout = 0.0
         self.accelerometer = Accelerometer(link)
         self.stream = ReportStream(link, self._hear)
@@ -113,7 +117,7 @@ class Vehicle:
                 f"{MIN_PROTOCOL_VERSION} or later: update its firmware",
                 "outdated-firmware",
             )
-        variables = tables.of(packets.LOG, self._ask)
+        self.variables = variables = tables.of(packets.LOG, self._ask)
         layout = Layout.of(variables)
         self.parameters = tables.of(packets.PARAMETER, self._ask)
         for name, value in options.parameters.items():
@@ -127,11 +131,7 @@ class Vehicle:
         self._ask([Question.of(packet, packets.RESET, "the end of earlier reports")])
         self.stream.begin(*reports)
         if options.reset:
-            self.settling = True
-            try:
-                self._convergence.wait(variables, self._ask)
-            finally:
-                self.settling = False
+            self.settle()
         if time.monotonic() - self.stream.heard > REPORT_TIMEOUT:  # ended by a late copy
             self.stream.begin(*reports)
         if groups is None:
@@ -147,9 +147,44 @@ class Vehicle:
             raise PluginError(text, "refused-request")
         self._groups = groups
 
+    def settle(self) -> None:
+        """Wait until its estimator has converged; this blocks.
+
+        Raises:
+            PluginError: It has not in some seconds.
+        """
+        self.settling = True
+        try:
+            self._convergence.wait(self.variables, self._ask)
+        finally:
+            self.settling = False
+
+    def read_parameters(self, names: Iterable[str]) -> dict[str, float]:
+        """Return values of parameters by name, without those that it lacks; this blocks."""
+        return read_now(self.parameters, names, self._ask)
+
+    def read_log(self, names: Sequence[str]) -> dict[str, float]:
+        """Return values of log variables by name, without those that it lacks; this blocks."""
+        return self._values.read(self.variables, names, self._ask, self._response_timeout)
+
+    def firmware(self) -> str:
+        """Return the name of its firmware's version; empty if it does not answer. This blocks."""
+        question = packets.packet(packets.PLATFORM, packets.VERSION, packets.FIRMWARE)
+        try:
+            (answer,) = self._ask([Question.of(question, packets.FIRMWARE, "its firmware")])
+        except PluginError:  # older than the question
+            return ""
+        return answer[1:].partition(b"\0")[0].decode("utf-8", "replace")
+
+    def set_parameter(self, name: str, value: float) -> None:
+        """Set a parameter and wait for the confirmation; this blocks, without a deadline."""
+        self._deadline = math.inf
+        set_now(self.parameters, name, value, self._ask)
+
     def _hear(self, payload: bytes) -> None:
         """Take a report that is not of the state; runs in the receiving thread."""
         self._convergence.hear(payload)
+        self._values.hear(payload)
         self.accelerometer.hear(payload)
 
     def steer(self, setpoint: bytes) -> None:

@@ -42,6 +42,7 @@ class Link:
         uri: As given.
         broken: The driver's last error message; empty without one. A link may recover.
         report: Called with every report and its arrival time, in the receiving thread.
+        echoes: Number of echoes that were received.
     """
 
     def __init__(self, uri: str, name: str, udp_links: UdpLinks | None = None) -> None:
@@ -53,6 +54,7 @@ class Link:
         self._driver: LinkDriver | None = None
         self._answers = Answers()
         self.report: Callable[[bytes, float], object] = lambda _payload, _arrived: None
+        self.echoes = 0
         self._last = 0.0  # s of the computer's clock, of the last sent packet
         self._measured = 0.0  # s of the computer's clock, of the last echo request
         self._closing = False
@@ -80,6 +82,11 @@ class Link:
         if driver is not None:
             driver.steer(setpoint)
             self._last = time.monotonic()
+
+    @property
+    def quality(self) -> float:
+        """Newest quality that the dongle reports, %; NaN of a link without a dongle."""
+        return self._quality.percent
 
     @property
     def round_trip(self) -> RoundTrip:
@@ -170,6 +177,7 @@ class Link:
         payload = packet[1:]
         if port == (packets.LINK, 0):
             if (sent := packets.echoed(payload)) is not None:
+                self.echoes += 1
                 self._answers.round_trip.note(arrived - sent)
             return
         if not self._answers.take(port, payload) and port[0] == packets.CONSOLE:
@@ -204,9 +212,14 @@ class Link:
 
 
 class Quality:
-    """Warns once when the quality of a Crazyradio's link to an agent stays low."""
+    """Warns once when the quality of a Crazyradio's link to an agent stays low.
+
+    Attributes:
+        percent: The newest quality, %; NaN before the first.
+    """
 
     def __init__(self, name: str) -> None:
+        self.percent = math.nan
         self._name = name
         self._since = math.inf  # s, time since which it is low
         self._warned = False
@@ -214,7 +227,10 @@ class Quality:
     def note(self, quality: dict[str, float], now: float) -> None:
         """Add cflib's link statistics at `now`, s; runs in the thread of the driver."""
         percent = quality.get("link_quality")  # 100 minus ten times the mean retries per packet
-        if percent is None or self._warned:
+        if percent is None:
+            return
+        self.percent = percent
+        if self._warned:
             return
         self._since = min(self._since, now) if percent < MIN_QUALITY else math.inf
         if now - self._since >= MIN_DURATION:

@@ -15,10 +15,11 @@ MAX_COORDINATE: Final = 32.767  # largest value in 16 bits of thousandths: m alo
 
 CONSOLE, PARAMETER, MEMORY, LOG = 0, 2, 4, 5  # ports
 LOCALISATION, HIGH_LEVEL, SUPERVISOR, PLATFORM, LINK = 6, 8, 9, 13, 15
-TABLE, SETTINGS, DATA = 0, 1, 2  # channels of LOG; of PARAMETER: TABLE, read, WRITE
+TABLE, SETTINGS, DATA = 0, 1, 2  # channels of LOG; of PARAMETER: TABLE, READ, WRITE
+READ: Final = 1
 WRITE: Final = 2
 VERSION: Final = 1  # channel of PLATFORM
-PROTOCOL: Final = bytes([0])
+PROTOCOL, FIRMWARE = bytes([0]), bytes([1])
 RESET, CREATE, APPEND = bytes([5]), bytes([6]), bytes([7])
 DELETE, START = bytes([2]), bytes([3])
 TABLE_SIZE, TABLE_ITEM = bytes([3]), bytes([2])
@@ -70,6 +71,11 @@ def echoed(payload: bytes) -> float | None:
 def table_item(port: int, number: int) -> bytes:
     """Ask for one entry of a table of contents."""
     return packet(port, TABLE, TABLE_ITEM + struct.pack("<H", number))
+
+
+def read_parameter(number: int) -> bytes:
+    """Ask for the value of a parameter."""
+    return packet(PARAMETER, READ, struct.pack("<H", number))
 
 
 def write_parameter(number: int, value: bytes) -> bytes:

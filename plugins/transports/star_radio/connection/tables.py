@@ -7,7 +7,7 @@ import logging
 import os
 import struct
 import threading
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from tempfile import NamedTemporaryFile
@@ -26,6 +26,7 @@ FORMATS: Final = {
 REAL: Final = {0x5, 0x6, 0x7}
 READ_ONLY: Final = 0x40  # a bit next to the type
 _TYPE = 0x0F
+_VALUE = 3  # bytes before the value in the answer to a reading: number and status
 KINDS: Mapping[int, str] = {packets.LOG: "log", packets.PARAMETER: "parameter"}
 
 
@@ -151,6 +152,24 @@ def setting(table: Table, name: str, value: float) -> Question:
     question = Question.of(packet, packet[1:3], f"parameter {name!r}")
     question.accepts = lambda payload: payload[2:] == coded
     return question
+
+
+def read_now(table: Table, names: Iterable[str], ask: Ask) -> dict[str, float]:
+    """Return the values of parameters by name, without those that the firmware lacks."""
+    present = [name for name in names if name in table]
+    requests = [packets.read_parameter(table[name].number) for name in present]
+    answers = ask(
+        [
+            Question.of(request, request[1:3], f"parameter {name!r}")
+            for name, request in zip(present, requests, strict=True)
+        ]
+    )
+    values = {}
+    for name, answer in zip(present, answers, strict=True):
+        form = FORMATS[table[name].kind & _TYPE]
+        if answer[2:3] == b"\0" and len(answer) == _VALUE + struct.calcsize(form):
+            values[name] = float(struct.unpack_from(form, answer, _VALUE)[0])
+    return values
 
 
 def set_now(table: Table, name: str, value: float, ask: Ask) -> None:

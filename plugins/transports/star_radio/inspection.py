@@ -1,0 +1,233 @@
+"""What drones on the ground report of themselves: nothing is reset, armed or flown."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Final, Self, TypeVar
+
+from star_core import Frames, PluginError
+from star_core.toolkit import Progress, shortlist
+from star_radio import budget, report
+from star_radio.connection import packets, udp_links
+from star_radio.connection.cflib_link import silence_cflib
+from star_radio.connection.link import Link
+from star_radio.connection.tables import Tables, user_cache
+from star_radio.options import UNCHANGED
+from star_radio.telemetry import TelemetryBuffer
+from star_radio.vehicle import Vehicle
+
+DECK: Final = "deck.bc"  # with which the names of the parameters of decks begin
+SELF_TEST: Final = "system.selftestPassed"
+REVISION: Final = ("firmware.revision0", "firmware.revision1", "firmware.modified")
+STATIONS: Final = {"Lighthouse4": "lighthouse.bsActive", "Loco": "ranging.state"}
+"""By deck of a positioning system, the bits of the stations or anchors that it uses."""
+POSITION_VARIANCES: Final = ("kalman.varX", "kalman.varY")  # m²
+ECHOES: Final = 25  # by which a link without a dongle is measured
+ECHO_PERIOD: Final = 0.02  # s
+ECHO_TIMEOUT: Final = 1.0  # s, for the last ones
+
+Result = TypeVar("Result")
+
+
+@dataclass(frozen=True, slots=True)
+class Equipment:
+    """What a drone consists of, and whether it works.
+
+    Attributes:
+        decks: Names of its decks, as in the firmware's parameters; None if it names none.
+        self_test: Whether it passed its self-test; None if it does not report that.
+        revision: The first six digits of its firmware's revision, ``+`` if modified; may be empty.
+    """
+
+    decks: tuple[str, ...] | None = None
+    self_test: bool | None = None
+    revision: str = ""
+
+    @classmethod
+    def read(cls, vehicle: Vehicle) -> Equipment:
+        """Ask a connected drone; this blocks."""
+        decks = [name for name in vehicle.parameters if name.startswith(DECK)]
+        values = vehicle.read_parameters([*decks, SELF_TEST, *REVISION])
+        attached = tuple(sorted(name.removeprefix(DECK) for name in decks if values.get(name)))
+        passed = values.get(SELF_TEST)
+        first, _, modified = (int(values.get(name, 0)) for name in REVISION)
+        return cls(
+            attached if decks else None,
+            None if passed is None else passed != 0,
+            f"{first:08x}"[:6] + "+" * bool(modified) if first else "",
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Inspection:
+    """The condition of one drone.
+
+    Attributes:
+        uri: Address of its link.
+        firmware: Name of its version, and its revision.
+        protocol: Version of its protocol.
+        equipment: Decks and self-test.
+        battery: V.
+        state: Bits of its supervisor.
+        position: By its estimator, m.
+        tilt: Angle of its z axis to the vertical, rad.
+        yaw: By its estimator, rad.
+        position_std: Of the position along x or y, the greater one, m; NaN if not reported.
+        quality: Share of the packets that arrive, %, also by the dongle.
+        signal: dBm; NaN if not reported.
+        stations: Bits of the stations of each of its positioning systems, by deck.
+        unsettled: Why its estimator has not converged; empty if it has.
+    """
+
+    uri: str
+    firmware: str
+    protocol: int
+    equipment: Equipment
+    battery: float
+    state: int
+    position: tuple[float, float, float]
+    tilt: float
+    yaw: float
+    position_std: float
+    quality: float
+    signal: float
+    stations: Mapping[str, int]
+    unsettled: str
+
+    @property
+    def knows_map(self) -> bool:
+        """Whether its estimator has absolute positions, by a positioning system on board."""
+        return any(self.stations.values())
+
+
+class Inspector:
+    """Connects to drones, and inspects them in parallel.
+
+    Args:
+        uris: Links by name.
+
+    Attributes:
+        vehicles: The drones by name.
+        faults: By name, why a drone is not reached or does not answer.
+    """
+
+    def __init__(self, uris: Mapping[str, str]) -> None:
+        silence_cflib()
+        self._udp_links = udp_links.UdpLinks()
+        self._tables = Tables(user_cache())
+        self._period = budget.report_period([*uris.values()], UNCHANGED.mode)
+        self.vehicles = {
+            name: Vehicle(name, Link(uri, name, self._udp_links)) for name, uri in uris.items()
+        }
+        self.faults: dict[str, str] = {}
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        _kind: type[BaseException] | None,
+        _error: BaseException | None,
+        _traceback: TracebackType | None,
+    ) -> None:
+        for vehicle in self.vehicles.values():
+            vehicle.end_reports()
+        end = time.monotonic() + ECHO_TIMEOUT
+        while any(vehicle.is_closing(time.monotonic()) for vehicle in self.vehicles.values()):
+            if time.monotonic() > end:
+                break
+            for vehicle in self.vehicles.values():
+                vehicle.retry(time.monotonic())
+            time.sleep(ECHO_PERIOD)
+        for vehicle in self.vehicles.values():
+            vehicle.link.close()
+        self._udp_links.close()
+
+    def inspect(self, *, settle: bool) -> dict[str, Inspection]:
+        """Return the condition of each drone that is reached.
+
+        Args:
+            settle: Whether to wait for estimators that have not converged.
+        """
+
+        def inspect(vehicle: Vehicle) -> Inspection:
+            vehicle.connect(UNCHANGED, self._tables, self._period, None)
+            return inspection(vehicle, settle=settle)
+
+        return self.each(inspect)
+
+    def each(self, act: Callable[[Vehicle], Result]) -> dict[str, Result]:
+        """Return what a function returns for the drones that are reached, by name."""
+        results: dict[str, Result] = {}
+        vehicles = {name: each for name, each in self.vehicles.items() if name not in self.faults}
+
+        def call(name: str) -> None:
+            try:
+                results[name] = act(vehicles[name])
+            except PluginError as error:
+                self.faults[name] = error.message
+            progress.done += 1
+
+        def detail() -> str:
+            return f"waiting for {shortlist(set(vehicles) - set(results) - set(self.faults))}"
+
+        with (
+            Progress("inspecting", len(vehicles), unit="drones", detail=detail) as progress,
+            ThreadPoolExecutor(max(1, len(vehicles))) as pool,
+        ):
+            list(pool.map(call, vehicles))
+        return {name: results[name] for name in vehicles if name in results}
+
+
+def inspection(vehicle: Vehicle, *, settle: bool) -> Inspection:
+    """Return the condition of a connected drone; this blocks."""
+    equipment = Equipment.read(vehicle)
+    decks = equipment.decks or ()
+    stations = {deck: name for deck, name in STATIONS.items() if deck in decks}
+    values = vehicle.read_log([*POSITION_VARIANCES, *stations.values()])
+    variance = max((values.get(name, math.nan) for name in POSITION_VARIANCES), default=math.nan)
+    unsettled = ""
+    if settle:
+        try:
+            vehicle.settle()
+        except PluginError as error:
+            unsettled = error.message
+    buffer = TelemetryBuffer([vehicle])
+    quality = link_quality(vehicle.link)
+    buffer.gather(time.monotonic(), Frames.none())
+    (last,) = buffer.last.tolist()
+    name = " ".join(filter(None, (vehicle.firmware(), equipment.revision)))
+    return Inspection(
+        uri=vehicle.link.uri,
+        firmware=name,
+        protocol=vehicle.version,
+        equipment=equipment,
+        battery=last[report.BATTERY],
+        state=0 if math.isnan(last[report.STATE]) else int(last[report.STATE]),
+        position=(last[report.X], last[report.Y], last[report.Z]),
+        tilt=math.acos(math.cos(last[report.ROLL]) * math.cos(last[report.PITCH])),
+        yaw=last[report.YAW],
+        position_std=math.sqrt(max(0.0, variance)) if math.isfinite(variance) else math.nan,
+        quality=quality,
+        signal=last[report.SIGNAL],
+        stations={deck: int(values.get(variable, 0)) for deck, variable in stations.items()},
+        unsettled=unsettled,
+    )
+
+
+def link_quality(link: Link) -> float:
+    """Return the share of echoes that come back, %, or the dongle's quality if that is lower."""
+    before = link.echoes
+    for _ in range(ECHOES):
+        link.post(packets.echo(time.monotonic()))
+        time.sleep(ECHO_PERIOD)
+    end = time.monotonic() + ECHO_TIMEOUT
+    while link.echoes - before < ECHOES and time.monotonic() < end:
+        time.sleep(ECHO_PERIOD)
+    share = 100.0 * min(1.0, (link.echoes - before) / ECHOES)
+    return share if math.isnan(link.quality) else min(share, link.quality)
