@@ -14,6 +14,17 @@ def command(name: str) -> Callable[[Sequence[str]], int]:
     return lambda arguments: run_command(name, arguments, Registry())
 
 
+def position_and_code(problem: str) -> str:
+    """Return where a problem is, and its code, whatever its words.
+
+    >>> position_and_code("m.yaml:6:35: no camera named 'xyz' [unknown-camera]")
+    'm.yaml:6:35 [unknown-camera]'
+    """
+    match = re.fullmatch(r"([^:]+:\d+:\d+): .*(\[[a-z-]+\])\n?", problem, re.DOTALL)
+    assert match is not None, problem
+    return f"{match[1]} {match[2]}"
+
+
 def problem_lines(stderr: str) -> list[str]:
     """Return the problems that ``star check`` has printed, without excerpts and summary."""
     rest = re.compile(r" +\d* \| .*|Found \d+ .*")

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 FAILED: Final = 1
 BAD_INPUT: Final = 2
+MAX_WIDTH: Final = 100  # characters; also the width where there is no terminal
 GROUPS: Final = ("Fly", "Review", "Author", "Study", "Hardware", "Plugins")
 USAGE = "usage: star [-h] [-V] COMMAND ..."
 
@@ -77,11 +78,16 @@ def _main(arguments: list[str]) -> int:
 
 def overview(registry: Registry) -> str:
     """Return all commands by group; commands of one name are all listed."""
+    from shutil import get_terminal_size
+    from textwrap import wrap
+
+    width, rest = get_terminal_size((MAX_WIDTH, 24)).columns, " " * 14
     groups: dict[str, list[str]] = {group: [] for group in GROUPS}
     for kind, plugin in registry:
         if kind == "command":
             line = f"  {plugin.offer.name:<12}{plugin.offer.summary}"
-            groups.setdefault(plugin.offer.group, []).append(line)
+            lines = wrap(line, min(width, MAX_WIDTH), subsequent_indent=rest)
+            groups.setdefault(plugin.offer.group, []).extend(lines)
     lists = ["\n".join([group, *lines]) for group, lines in groups.items() if lines]
     head = "Missions for drone swarms, from one YAML file."
     return "\n\n".join([head, *lists, "`star help COMMAND` describes a command."])

@@ -18,6 +18,7 @@ from star_core.plugin_support.registry import Registry
 from star_core.world.camera import Camera
 from star_core.world.quaternions import moved, product, turned
 from star_yaml.mission_loader import load
+from tests.commands import position_and_code
 
 WORLD = """\
 star: 1
@@ -69,7 +70,7 @@ def test_cameras_defined_twice_are_listed_once(tmp_path: Path) -> None:
     wrong = refusal(
         tmp_path, ("cameras: {front:", "cameras: {aideck:"), ("camera: front", "camera: xyz")
     )
-    assert wrong == "m.yaml:6:35: no camera named 'xyz'; there are: aideck [unknown-camera]"
+    assert position_and_code(wrong) == "m.yaml:6:35 [unknown-camera]"
 
 
 def test_the_tags_of_a_sheet_stand_in_a_row_along_its_own_x_axis(tmp_path: Path) -> None:

@@ -20,8 +20,8 @@ from tests.commands import problem_lines
 from tests.corpus import cases
 from tests.corpus.cases import Case, Expected
 
-PLACE = re.compile(r"([^:\s]+):(\d+):\d+: ")
-LOCATED = re.compile(rf"(?P<places>(?:{PLACE.pattern})+)(?P<words>\S.*)")
+POSITION = re.compile(r"([^:\s]+):(\d+):\d+: ")
+LOCATED = re.compile(rf"(?P<positions>(?:{POSITION.pattern})+)(?P<words>\S.*)")
 FAULTY = cases.faulty()
 FEWEST = 200
 registry = cache(Registry)  # what is installed does not change from one file to the next
@@ -30,23 +30,23 @@ composed = cache(lambda: schema_of(registry().offers()))
 
 
 @pytest.fixture(autouse=True)
-def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def _in_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """An empty folder to stand in; plugins are looked for once, not for each file."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("star_core.plugin_support.registry.Registry", registry)
     monkeypatch.setattr(schema, "compose", lambda _offers: composed())
 
 
-def told(lines: list[str]) -> Iterator[list[Expected]]:
-    """Every error as the files and the lines that it is on, and what is said.
+def errors_of(lines: list[str]) -> Iterator[list[Expected]]:
+    """Yield every error as the files and the lines that it is on, and its words.
 
     There are several where steps are at fault for a value that is given to them elsewhere.
     """
     for line in lines:
-        found = LOCATED.fullmatch(line)
-        assert found, f"no place: {line}"
-        places = PLACE.findall(found["places"])
-        yield [Expected.of(file, number, found["words"]) for file, number in places]
+        match = LOCATED.fullmatch(line)
+        assert match, f"no position: {line}"
+        positions = POSITION.findall(match["positions"])
+        yield [Expected.of(file, number, match["words"]) for file, number in positions]
 
 
 @pytest.mark.parametrize("topic", cases.topics())
@@ -68,17 +68,17 @@ def test_a_fault_is_reported_on_its_line_and_nowhere_else(
     assert cli.main(case.command) == 2
     out, err = capsys.readouterr()
     assert out == ""
-    found = list(told(problem_lines(err)))
+    reported = list(errors_of(problem_lines(err)))
     for expected in case.expected:
         assert any(
             (error.file, error.line) == (expected.file, expected.line)
             and expected.words in error.words
             and expected.code == error.code
-            for errors in found
+            for errors in reported
             for error in errors
         ), f"{expected} is not in:\n{err}"
     faulty = {(expected.file, expected.line) for expected in case.expected}
-    for errors in found:
+    for errors in reported:
         assert faulty & {(error.file, error.line) for error in errors}, err
     assert " raised " not in err
     assert sorted(Path().rglob("*")) == before

@@ -31,7 +31,7 @@ from star_core.commands import (
     write_report,
     writing,
 )
-from star_core.toolkit import Progress, StudyResults, log
+from star_core.toolkit import Progress, StudyResults, log, unescaped
 
 TABLE: Final = "results.md"
 DONE, INTERRUPTED = 0, 1  # exit status; bad input is 2, as with every command
@@ -63,7 +63,8 @@ def run(options: argparse.Namespace, registry: Registry) -> int:
             flown = _fly(study, folder, engine, chosen=options.shard, record=options.record)
     report = write_report(folder, registry)
     if not options.quiet:
-        sys.stdout.write(f"{_means(folder)}\nresults: {folder}\n{report}\n")
+        _print_table(_means(folder))
+        sys.stdout.write(f"\nresults: {folder}\n{report}\n")
     return INTERRUPTED if flown.interrupted else DONE
 
 
@@ -74,6 +75,19 @@ def _means(folder: Path) -> str:
     except FileNotFoundError:  # no installed plugin writes it
         return ""
     return "\n## ".join(text.split("\n## ")[:2])
+
+
+def _print_table(text: str) -> None:
+    """Print Markdown, on a terminal as wide as that."""
+    if not sys.stdout.isatty():
+        sys.stdout.write(text)
+        return
+    from rich.console import Console
+    from rich.markdown import Markdown
+    from rich.theme import Theme
+
+    theme = Theme({"markdown.code": "cyan"})  # without its black background
+    Console(file=unescaped(sys.stdout), theme=theme).print(Markdown(text))
 
 
 def fly_study(path: Path, folder: Path, workers: int | None, registry: Registry) -> StudyResults:

@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from argparse import ArgumentError, ArgumentParser, Namespace
 from contextlib import nullcontext, redirect_stdout, suppress
+from typing import Final
 
 from star_basics.mission_arguments import add_mission, assignments
 from star_core import Operator, Registry
-from star_core.toolkit import Progress, log
+from star_core.formats import printable
+from star_core.toolkit import Progress, log, on_terminal, unescaped
+
+RED: Final = "\x1b[1;31m"
+GREEN: Final = "\x1b[1;32m"
+PLAIN: Final = "\x1b[0m"
 
 
 def configure(registry: Registry, line: ArgumentParser) -> None:
@@ -35,10 +42,10 @@ def configure(registry: Registry, line: ArgumentParser) -> None:
 
 def run(options: Namespace, registry: Registry) -> int:
     """Fly the mission, print its summary and return the exit status."""
+    answer, operator = sys.stdout, Operator()
     with Progress("loading plugins"):
         from star_basics.flight import log_to_stderr, run_mission
 
-        answer, operator = sys.stdout, Operator()
     log_to_stderr(verbose=options.verbose)
     # What plugins print must not be in the JSON.
     with redirect_stdout(sys.stderr) if options.json else nullcontext():
@@ -57,6 +64,9 @@ def run(options: Namespace, registry: Registry) -> int:
             as_json=options.json,
             operator=operator,
         )
+        if answer.isatty() and on_terminal() and not (os.environ.get("NO_COLOR") or options.json):
+            head, end, rest = printable(text).partition("\n")
+            text, answer = f"{RED if status else GREEN}{head}{PLAIN}{end}{rest}", unescaped(answer)
         print(text, file=answer, flush=True)
         with suppress(KeyboardInterrupt):
             operator.await_landings()

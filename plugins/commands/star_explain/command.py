@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import argparse
 import json
+import shutil
 import sys
+import textwrap
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -35,7 +38,8 @@ def run(options: argparse.Namespace, registry: Registry) -> int:
     elif options.json:
         text = json.dumps({"mission": mission.name, "plan": as_data(result, rehearsal)}, indent=2)
     else:
-        text = "\n".join([*facts(mission, registry), "", *plan(result, registry)]) + "\n"
+        lines = [*facts(mission, registry), "", *plan(result, registry)]
+        text = "\n".join(wrapped(lines) if sys.stdout.isatty() else lines) + "\n"
     sys.stdout.write(text)
     return 0
 
@@ -44,6 +48,16 @@ def _rehearsed(mission: Mission, registry: Registry) -> tuple[Rehearsal, Group]:
     rehearsal = registry.manager.hook.star_rehearse(mission=mission, registry=registry)
     origins = Origins(mission, registry, rehearsal)
     return rehearsal, results(mission, registry, rehearsal, origins)
+
+
+def wrapped(lines: Iterable[str]) -> Iterator[str]:
+    """Yield lines for a terminal, broken between words; what follows is indented by four more."""
+    wrapper = textwrap.TextWrapper(
+        shutil.get_terminal_size().columns, break_long_words=False, break_on_hyphens=False
+    )
+    for line in lines:
+        wrapper.subsequent_indent = " " * (len(line) - len(line.lstrip()) + 4)
+        yield from wrapper.wrap(line) or [""]
 
 
 def configure(line: argparse.ArgumentParser) -> None:

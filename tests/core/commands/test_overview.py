@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from star_core.commands.main import main
+from star_core.commands.main import main, overview
 from star_core.plugin_support.registry import Registry
 
 ENTER = "import sys; from star_core.commands.main import main; main()"
@@ -64,7 +64,11 @@ def install(site: Path) -> Callable[[str], None]:
 def test_every_command_is_listed_under_its_group(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["--help"]) == 0
     groups = re.findall(r"^(\w+)\n((?:  .*\n)+)", capsys.readouterr().out, re.MULTILINE)
-    listed = {(group, line.split()[0]) for group, lines in groups for line in lines.splitlines()}
+    listed = {
+        (group, line.split()[0])
+        for group, lines in groups
+        for line in re.findall(r"^  \w+", lines, re.MULTILINE)
+    }
     offers = Registry().offers()["command"]
     assert listed == {(offer.group, name) for name, offer in offers.items()}
     assert [group for group, _ in groups] == [
@@ -90,3 +94,11 @@ def test_a_broken_plugin_is_reported(
     install("1 / 0")
     reported = "star: plugin greeter 1.0:greeter is left out: ZeroDivisionError: division by zero\n"
     assert star().stderr == reported
+
+
+def test_summaries_are_broken_between_words(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "60")
+    lines = overview(Registry()).splitlines()
+    assert max(map(len, lines)) <= 60
+    (at,) = [i for i, line in enumerate(lines) if line.startswith("  tags ")]
+    assert lines[at + 1].startswith(" " * 14 + "in true size")

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import os
+import pty
+import re
 import subprocess
 import sys
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -11,6 +15,7 @@ import pytest
 from star_core.commands.main import main
 
 STAR = str(Path(sys.executable).with_name("star"))
+COLUMNS = 60
 ESCAPE = "\x1b]0;title\x07\x1b[2J"
 
 
@@ -48,3 +53,36 @@ def test_paths_are_printed_escaped(hop: Path, capfd: pytest.CaptureFixture[str])
         assert "\x1b" not in text
         assert "\x07" not in text
         assert "\\x1b]0;title\\x07" in text
+
+
+@pytest.mark.parametrize(
+    ("limit", "colour", "painted"), [("3.0", "32", True), ("4.5", "31", True), ("3.0", "", False)]
+)
+def test_the_outcome_is_green_or_red(hop: Path, limit: str, colour: str, *, painted: bool) -> None:
+    safety = f"safety={{battery_low: {{below: {limit}}}}}"
+    text = in_terminal([STAR, "run", "hop.yaml", "--no-record", "--set", safety], hop, painted)
+    (line,) = re.findall(r"(?:\x1b\[[0-9;]*m)?hop: (?:completed|failed).*", text)
+    assert line.startswith(f"\x1b[1;{colour}mhop: " if painted else "hop: ")
+
+
+def test_a_plan_is_broken_between_words(hop: Path) -> None:
+    text = in_terminal([STAR, "explain", "hop.yaml"], hop, colours=False)
+    assert "communication_radius" in text  # of the longest line
+    plain = [line for line in text.splitlines() if "\x1b" not in line]
+    assert max(map(len, plain)) <= COLUMNS
+
+
+def in_terminal(command: list[str], folder: Path, colours: bool) -> str:  # noqa: FBT001
+    """Return what a command prints on a terminal."""
+    pid, terminal = pty.fork()
+    if pid == 0:
+        os.chdir(folder)
+        os.environ.update(TERM="xterm", NO_COLOR="" if colours else "1", COLUMNS=str(COLUMNS))
+        os.execv(command[0], command)  # noqa: S606 -- of this test
+    written = b""
+    with suppress(OSError):  # once the command has ended
+        while part := os.read(terminal, 65536):
+            written += part
+    os.close(terminal)
+    os.waitpid(pid, 0)
+    return written.decode()

@@ -11,6 +11,7 @@ import pytest
 from star_core import InputError, PluginError, Problem, Registry, hookimpl
 from star_core.commands import run_command
 from star_core.formats import FileKindSpec, SourceFile, check_file, read_as
+from tests.commands import position_and_code
 
 SCHEMA = {
     "type": "object",
@@ -80,7 +81,7 @@ def test_a_kind_is_recognized_by_a_misspelt_key(file: Path) -> None:
     file.write_text("star: 1\nfinger: 2\n")
     with pytest.raises(InputError) as error:
         check_file(file, Registry(Gripper()))
-    assert "hand.yaml:2:1: unknown key 'finger'; did you mean 'fingers'?" in str(error.value)
+    assert "hand.yaml:2:1 [unknown-option]" in map(position_and_code, error.value.problems)
 
 
 def test_a_check_that_raises_is_attributed_to_its_plugin(file: Path) -> None:
@@ -94,11 +95,11 @@ def test_a_check_that_raises_is_attributed_to_its_plugin(file: Path) -> None:
 def test_a_file_of_the_kind_is_no_mission(file: Path) -> None:
     with pytest.raises(InputError) as error:
         read_as(file, "world", Registry(Gripper()))
-    assert str(error.value) == "hand.yaml:1:1: this is a gripper, expected a world [wrong-file]"
+    assert position_and_code(str(error.value)) == "hand.yaml:1:1 [wrong-file]"
     with pytest.raises(InputError) as error:
         run_command("run", [str(file)], Registry(Gripper()))
-    hint = "; name a mission that grasps [wrong-file]"
-    assert str(error.value) == f"hand.yaml:1:1: this is a gripper, expected a mission{hint}"
+    assert position_and_code(str(error.value)) == "hand.yaml:1:1 [wrong-file]"
+    assert "; name a mission that grasps [" in str(error.value)  # the hint of the kind
 
 
 def test_schema_prints_the_schema_of_the_kind(capsys: pytest.CaptureFixture[str]) -> None:

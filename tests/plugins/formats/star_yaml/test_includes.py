@@ -10,6 +10,7 @@ from star_core.errors import InputError
 from star_core.plugin_support.registry import Registry
 from star_yaml import schema
 from star_yaml.input_file import kind_of
+from tests.commands import position_and_code
 from tests.core.conftest import Lab
 
 PATROL = """\
@@ -237,7 +238,7 @@ def test_a_file_that_is_none_of_steps_is_refused(
 def test_a_file_that_includes_itself_is_refused(lab: Lab, tmp_path: Path) -> None:
     (tmp_path / "patrol.yaml").write_text("star: 1\nmission: [include: {file: patrol.yaml}]\n")
     (fault,) = faults(lab, "\n  - include: {file: patrol.yaml}")
-    assert fault == ("patrol.yaml:2:27: 'patrol.yaml' includes itself [circular-include]")
+    assert position_and_code(fault) == "patrol.yaml:2:27 [circular-include]"
 
 
 @pytest.mark.parametrize("key", sorted(schema.load("mission")["properties"]))

@@ -16,6 +16,7 @@ from star_core.plugin_support.specs import TaskSpec
 from star_yaml.input_file import override
 from star_yaml.schema import compose, problems
 from star_yaml.yaml_reader import parse
+from tests.commands import position_and_code
 
 
 def number(description: str, **rules: Any) -> dict[str, Any]:
@@ -282,13 +283,12 @@ def test_a_key_that_resembles_none_is_answered_by_all_there_are() -> None:
 
 def test_no_installed_plugin_is_reported() -> None:
     found = problems(document(MISSION), compose({}))
-    assert "m.yaml:6:12: no transport named 'sim'; none is installed [unknown-plugin]" in found
+    assert "m.yaml:6:12 [unknown-plugin]" in map(position_and_code, found)
 
 
 def test_an_empty_swarm_has_too_few_agents() -> None:
-    assert problems(
-        document(MISSION.replace("swarm:\n  cf1: {start: [0, 0, 0]}", "swarm: {}")), SCHEMA
-    ) == ["m.yaml:4:8: swarm: is empty, expected at least 1 key [wrong-length]"]
+    empty = document(MISSION.replace("swarm:\n  cf1: {start: [0, 0, 0]}", "swarm: {}"))
+    assert [*map(position_and_code, problems(empty, SCHEMA))] == ["m.yaml:4:8 [wrong-length]"]
 
 
 def test_all_mistakes_are_listed_in_the_order_of_the_file() -> None:
