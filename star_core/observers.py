@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 import logging
-from collections.abc import Collection, Iterable, Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from collections.abc import Callable, Collection, Iterable, Mapping
+from contextlib import AbstractContextManager, nullcontext
+from types import TracebackType
 from typing import Any
 
 from star_core.discovery import Source
@@ -37,6 +38,7 @@ class Observers:
         self._compute_time = compute_time
         self.events: list[Event] = []
         self._time = 0.0
+        self._guards: dict[tuple[str, str], _ObserverGuard] = {}
         self._of_flight: dict[str, object] = {}
         self._used: list[object] = []  # results of hooks
         self._measures: dict[str, Any] = {}
@@ -90,7 +92,7 @@ class Observers:
 
     def _checked(self, plugin: str, hook: str, result: Any) -> Any:
         """Use the result of a hook: an observer of this flight only, or what one measured."""
-        if result is None or any(result is used for used in self._used):  # a wrapper returns it
+        if any(result is used for used in self._used):  # a wrapper returns it
             return result
         if hook == "star_mission_started":
             self._used.append(result)
@@ -100,23 +102,57 @@ class Observers:
             self._measures |= _measures(result, {*self._taken, *self._measures})
         return result
 
-    def _timed(self, plugin: str, hook: str) -> AbstractContextManager[None]:
-        """Return what measures a call: of the flight itself, not of the preparations for it."""
-        if hook == "star_mission_started":  # it may wait, as for a browser
-            return nullcontext()
-        return self._compute_time.of(f"observer {plugin}", quiet=Source(plugin).own)
+    def _guard(self, plugin: str, hook: str) -> _ObserverGuard:
+        guard = self._guards.get((plugin, hook))
+        if guard is None:
+            watch: AbstractContextManager[None] = nullcontext()
+            if hook != "star_mission_started":  # it may wait, as for a browser
+                watch = self._compute_time.of(f"observer {plugin}", quiet=Source(plugin).own)
+            guard = self._guards[plugin, hook] = _ObserverGuard(watch, self._drop, plugin, hook)
+        return guard
 
-    @contextmanager
-    def _guard(self, plugin: str, hook: str) -> Iterator[None]:
-        try:
-            with self._timed(plugin, hook):
-                yield
-        except (Exception, SystemExit, PluginTimeout) as error:
-            log.debug("observer %s raised", plugin, exc_info=True)
-            why = f"{hook} raised {type(error).__name__}: {error}"
-            log.warning("observer %s is dropped for this flight: %s", plugin, why)
-            self._manager.remove(plugin)
-            self.event("observer", f"{plugin} is dropped: {why}")
+    def _drop(self, plugin: str, hook: str, error: BaseException) -> None:
+        log.debug("observer %s raised", plugin, exc_info=error)
+        why = f"{hook} raised {type(error).__name__}: {error}"
+        log.warning("observer %s is dropped for this flight: %s", plugin, why)
+        self._manager.remove(plugin)
+        self.event("observer", f"{plugin} is dropped: {why}")
+
+
+class _ObserverGuard:
+    """Measures the calls of an observer's hook, and drops the observer if one raises.
+
+    Args:
+        watch: Measures.
+        drop: Receives the plugin, the hook and what was raised.
+        plugin: Name of the plugin.
+        hook: Name of the hook.
+    """
+
+    def __init__(
+        self,
+        watch: AbstractContextManager[None],
+        drop: Callable[[str, str, BaseException], None],
+        plugin: str,
+        hook: str,
+    ) -> None:
+        self._begin, self._end = watch.__enter__, watch.__exit__
+        self._drop, self._plugin, self._hook = drop, plugin, hook
+
+    def __enter__(self) -> None:
+        self._begin()
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> bool:
+        self._end(kind, error, trace)
+        if not isinstance(error, Exception | SystemExit | PluginTimeout):
+            return False
+        self._drop(self._plugin, self._hook, error)
+        return True
 
 
 def _measures(measures: Mapping[str, Any], taken: Iterable[str]) -> dict[str, Any]:

@@ -154,12 +154,12 @@ class VehicleInterface:
         Rows that the planner leaves inactive get zero velocity; without a setpoint the drone would
         fall.
         """
-        active = frozen(self.steered(estimate))
+        active = self.steered(estimate)
         if every(planned.active):
             return Setpoint.made(planned.velocity, planned.yaw, active)
         velocity = np.where(planned.active[:, None], planned.velocity, 0.0)
         yaw = np.where(planned.active, planned.yaw, estimate.yaw)
-        return Setpoint.made(frozen(velocity), frozen(yaw), active)
+        return Setpoint.made(velocity, yaw, active)
 
     def steered(self, estimate: Estimate) -> Mask:
         """Return which agents setpoints fly: (N,)."""
@@ -170,9 +170,7 @@ class VehicleInterface:
         setpoint = self._with_brakes(setpoint, telemetry, estimate)
         to_map = estimate.map_from_odom
         odom = Setpoint.made(
-            frozen(to_map.turn_back(setpoint.velocity)),
-            frozen(setpoint.yaw - to_map.yaw),
-            setpoint.active,
+            to_map.turn_back(setpoint.velocity), setpoint.yaw - to_map.yaw, setpoint.active
         )
         sent = self._pipeline.send(odom, to_map)
         self.unheard.steered(self.time, setpoint.active)

@@ -14,8 +14,6 @@ from star_core.messages.arrays import (
     Mask,
     Rows,
     every,
-    frozen,
-    require_rows,
     require_type,
     some,
 )
@@ -90,8 +88,7 @@ class GoalDraft:
 
     def finish(self) -> Goals:
         """Return the goals, which do not change any more."""
-        columns = self.position, self._velocity, self._yaw, self._speed, self.active
-        return Goals.made(*map(frozen, columns))
+        return Goals.made(self.position, self._velocity, self._yaw, self._speed, self.active)
 
 
 def hold(goals: Goals, flying: Mask, estimate: Estimate, speed: float) -> Goals:
@@ -184,7 +181,7 @@ class GoalCheck:
 
 def _checked_rows(goals: Goals, members: Mask) -> Rows:
     """Return the rows of the agents that have goals."""
-    require_rows(goals, len(goals.active), len(members))
+    require_type(goals, Goals, len(members))
     if some(goals.active > members):
         raise ContractError("has goals for agents that are not its own")
     rows = np.flatnonzero(goals.active)

@@ -40,20 +40,16 @@ FROZEN: Final = frozenset({0x105, 0x107})
 with one row or one axis are in Fortran's order as well."""
 
 
-def require_type(answer: object, table: type[AnyTable]) -> AnyTable:
-    """Return `answer` if it is a `table`; raise `ContractError`."""
+def require_type(answer: object, table: type[AnyTable], agents: int | None = None) -> AnyTable:
+    """Return `answer` if it is a `table`, with one row per agent; raise `ContractError`."""
     if not isinstance(answer, table):
         raise ContractError(f"returned {type(answer).__name__}, expected {table.__name__}")
-    return answer
-
-
-def require_rows(table: object, rows: int, agents: int) -> None:
-    """Raise `ContractError` unless a table has one row per agent."""
-    if rows != agents:
+    if agents is not None and (rows := len(getattr(answer, answer.COLUMNS[0].name))) != agents:  # type: ignore[attr-defined]
         raise ContractError(
-            f"every field of {type(table).__name__} has {rows} row{'s' * (rows != 1)}, "
+            f"every field of {table.__name__} has {rows} row{'s' * (rows != 1)}, "
             f"expected {agents}, one per agent"
         )
+    return answer
 
 
 class Column(NamedTuple):
@@ -139,13 +135,15 @@ class Table:
 
     @classmethod
     def made(cls, *values: Any) -> Self:
-        """Return a table of the core's own, which is not checked: its arrays are frozen and fit.
+        """Return a table of the core's own, which is not checked; its arrays become read-only.
 
         Args:
             values: Of all fields, in their order.
         """
         made = object.__new__(cls)
         for name, value in zip(cls.__slots__, values, strict=True):
+            if type(value) is np.ndarray:
+                value.setflags(write=False)
             object.__setattr__(made, name, value)
         return made
 

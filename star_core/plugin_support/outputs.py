@@ -13,7 +13,7 @@ from typing import Any, Final
 import numpy as np
 
 from star_core.errors import ContractError
-from star_core.messages.arrays import Mask, Rows, Table, every, require_rows, require_type
+from star_core.messages.arrays import Mask, Rows, Table, every, require_type
 from star_core.messages.state import Estimate, Goals, Plan, Setpoint, Truth
 from star_core.messages.telemetry import Telemetry
 
@@ -39,8 +39,7 @@ def checked_timeout(answer: object) -> float:
 
 def checked_telemetry(answer: object, n: int) -> Telemetry:
     """Return a transport's telemetry if it has `n` rows and a time; raise `ContractError`."""
-    telemetry = require_type(answer, Telemetry)
-    require_rows(telemetry, len(telemetry.age), n)
+    telemetry = require_type(answer, Telemetry, n)
     if not math.isfinite(telemetry.time):
         raise ContractError(f"Telemetry.time is {telemetry.time!r}, expected a number")
     for name in ("odometry", "frames", "detections", "fixes"):
@@ -53,9 +52,7 @@ def checked_truth(answer: object, n: int) -> Truth | None:
     """Return a transport's ground truth of `n` rows, if it has it; raise `ContractError`."""
     if answer is None:
         return None
-    truth = require_type(answer, Truth)
-    require_rows(truth, len(truth.position), n)
-    return truth
+    return require_type(answer, Truth, n)
 
 
 def checked_location(answer: object, telemetry: Telemetry) -> Estimate:
@@ -73,8 +70,7 @@ def checked_estimate(answer: object, n: int) -> Estimate:
 
     Corrections must be finite, except that an infinite `attitude_deviation` stands for no attitude.
     """
-    estimate = require_type(answer, Estimate)
-    require_rows(estimate, len(estimate.position), n)
+    estimate = require_type(answer, Estimate, n)
     _require_finite(estimate, "Estimate.{}", ESTIMATED, estimate.valid)
     frames = estimate.map_from_odom
     _require_finite(frames, "Estimate.map_from_odom.{}", ("yaw", "translation"), estimate.valid)
@@ -107,16 +103,14 @@ def checked_plan(answer: object, n: int) -> Plan:
 
 def checked_goals(answer: object, n: int) -> Goals:
     """Return goals of `n` rows, finite where they are active; raise `ContractError`."""
-    goals = require_type(answer, Goals)
-    require_rows(goals, len(goals.position), n)
+    goals = require_type(answer, Goals, n)
     _require_finite(goals, "Goals.{}", ("position", "velocity", "yaw", "speed"), goals.active)
     return goals
 
 
 def checked_setpoint(answer: object, n: int) -> Setpoint:
     """Return a setpoint of `n` rows, finite where it is active; raise `ContractError`."""
-    setpoint = require_type(answer, Setpoint)
-    require_rows(setpoint, len(setpoint.velocity), n)
+    setpoint = require_type(answer, Setpoint, n)
     _require_finite(setpoint, "Setpoint.{}", ("velocity", "yaw"), setpoint.active)
     return setpoint
 

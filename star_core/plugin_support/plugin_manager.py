@@ -29,7 +29,7 @@ class PluginManager(pluggy.PluginManager):
 
     Args:
         guard: For the calls of all plugins.
-        check: For their results; where a wrapper returns several, for each of them.
+        check: For their results, unless None; where a wrapper returns several, for each of them.
 
     Attributes:
         plugins: By the names that they are registered under.
@@ -111,7 +111,8 @@ class PluginManager(pluggy.PluginManager):
         def call(*arguments: Any) -> Any:
             if plugin in self.plugins:
                 with self._guard(plugin, hook):
-                    return self._checked(plugin, hook, function(*arguments))
+                    result = function(*arguments)
+                    return None if result is None else self._checked(plugin, hook, result)
             return None
 
         return call

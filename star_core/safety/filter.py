@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from star_core.geometry.neighbours import Pairs, warm_up
-from star_core.messages.arrays import Array, Mask, Rows, frozen
+from star_core.messages.arrays import Array, Mask, Rows
 from star_core.messages.events import Corrected
 from star_core.messages.position_margin import MAX_MARGIN_RATIO, WALL_RADIUS, position_margin
 from star_core.messages.rotations import Transform
@@ -127,7 +127,7 @@ class SafetyFilter:
             self._vertical_separation,
             self._period,
         )
-        return Setpoint.made(frozen(velocity), frozen(yaw), planned.active), Corrected(*changed)
+        return Setpoint.made(velocity, yaw, planned.active), Corrected(*changed)
 
     def _warm_up(self, agents: int) -> None:
         """Compile the kernels, or load them from disk, before the flight."""
