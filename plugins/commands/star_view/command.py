@@ -147,13 +147,18 @@ def _open_world(
     world: World, port: int, token: str | None
 ) -> tuple[Page, Callable[[Callable[[], bool]], None]]:
     """Serve a page with a world alone."""
-    from star_view.page import open_page
+    from star_view.page import add_dark_switch, open_page
 
     def serve(ended: Callable[[], bool]) -> None:
         while not ended():
             time.sleep(PERIOD)
 
-    return open_page(world, port, world.name, token), serve
+    page = open_page(world, port, world.name, token)
+    named = {"obstacle": world.obstacles, "tag": world.landmarks, "target": world.targets}
+    counts = [f"{len(of)} {noun}{'s' * (len(of) > 1)}" for noun, of in named.items() if of]
+    page.gui.add_markdown(", ".join(counts) or "an empty room")
+    add_dark_switch(page)
+    return page, serve
 
 
 class FileWatch:
