@@ -25,7 +25,9 @@ LABELS: Final = {
     "targets.found": "targets found",
     "targets.total": "targets",
 }
-UNITS: Final = {"m": "m", "m2": "m²", "s": "s", "v": "V", "deg": "°", "rad": "rad", "percent": "%"}
+UNITS: Final = {
+    "m": "m", "m2": "m²", "s": "s", "us": "µs", "v": "V", "deg": "°", "rad": "rad", "percent": "%",
+}  # fmt: skip
 
 
 def label(measure: str) -> str:

@@ -19,6 +19,7 @@ from star_report.study import OUTCOME, Study
 MAX_OTHERS: Final = 100  # runs that did not complete, of which the table has more
 MAX_UNBROKEN: Final = 12  # rows of a table that is not divided between two sheets of paper
 SIGNIFICANT: Final = 1 - CONFIDENCE  # p-value
+WHOLE: Final = (1e3, 1e9)  # numbers between these are written without decimals
 MISSING: Final = "-"
 ALL: Final = "(all)"  # levels, over which a row is an average
 METHODS: Final = (
@@ -154,10 +155,15 @@ def _interval(estimate: Estimate, n: int, *, percent: bool = False) -> str:
 
 
 def _short(value: float, *, percent: bool = False) -> str:
-    """Return a number to three significant digits, or as an integer if it has more."""
+    """Return a number to three significant digits, or as an integer if it has up to nine.
+
+    >>> _short(0.12345), _short(12345.6), _short(1e12), _short(0.5, percent=True)
+    ('0.123', '12346', '1e+12', '50%')
+    """
     if percent:
         return f"{value:.0%}"
-    return f"{value:.0f}" if abs(value) >= 1000 else f"{value:.3g}"  # noqa: PLR2004 -- 3 figures
+    whole = WHOLE[0] <= abs(value) < WHOLE[1]
+    return f"{value:.0f}" if whole else f"{value:.3g}"
 
 
 def _differences(study: Study, results: Sequence[Result]) -> tuple[str, str, Sequence[Result]]:

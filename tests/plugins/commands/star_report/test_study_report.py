@@ -272,6 +272,22 @@ def test_the_page_fits_a_phone(folder: Path) -> None:
     assert ET.fromstring(saved).get("width") == "640"  # noqa: S314 -- ours
 
 
+def test_extreme_and_missing_values_are_reported(tmp_path: Path) -> None:
+    values = ["1e100", "-1e100", "0", "NaN", "", "[1]", "true"] * 6
+    rows = [("hop", a, str(k), "completed", value) for a in "pq" for k, value in enumerate(values)]
+    write(tmp_path, rows, "mission a", name=3, baseline={"a": "gone"}, pair=[])
+    assert main(["report", str(tmp_path)]) == 0
+    text = (tmp_path / "results.md").read_text()
+    assert re.search(r"\| p \| 42 \| 100% \[92%, 100%\] \| .* \(n 24\) \|", text)
+    assert max(map(len, text.splitlines())) < 500
+
+
+def test_a_study_without_a_run_has_a_report(tmp_path: Path) -> None:
+    write(tmp_path, [], "mission a", name="none")
+    assert main(["report", str(tmp_path)]) == 0
+    assert "0 runs, 0 conditions." in (tmp_path / "report.html").read_text()
+
+
 def test_another_table_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / FILE).write_text("a,b\n1,2\n")
     assert main(["report", str(tmp_path)]) == 2
