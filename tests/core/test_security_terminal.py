@@ -41,6 +41,7 @@ COMMANDS: dict[str, list[str]] = {
     "missions": ["", "@"],
     "new": ["mission x", "mission @"],
     "plugins": ["", "@"],
+    "preflight": ["@/missing.yaml", "@/hop.yaml"],
     "recover": ["@/run", "@/missing"],
     "report": ["@/run", "@/run --out @/missing/report.html", "@/study"],
     "scan": ["@/missing.yaml", "radio://@"],

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from star_core import InputError, Mission, PluginError, Registry, load
 from star_core.toolkit import fill_defaults
+from star_fleet.conditions import Condition, read_conditions
 from star_sim import OPTIONS, simulator_arguments
 
 if TYPE_CHECKING:
@@ -41,6 +42,7 @@ def run(options: argparse.Namespace, registry: Registry) -> int:
     _check_ports(options, len(agents), cameras, carried)
     from star_fleet.server import Fleet
 
+    conditions = read_conditions(options.condition, scene)
     more: dict[int, list[str]] = {}
     with ExitStack() as opened:
         with _port_errors("--port", options.port):
@@ -51,6 +53,7 @@ def run(options: argparse.Namespace, registry: Registry) -> int:
                 speed=options.speed,
                 arms_itself=not options.brushless,
                 link_timeout=options.link_timeout or math.inf,
+                conditions=conditions,
                 **_of_simulator(mission, render=cameras is not None),
             )
         opened.callback(fleet.close)
@@ -118,6 +121,14 @@ def configure(line: argparse.ArgumentParser) -> None:
     line.add_argument("--host", default="127.0.0.1", help="address to serve at: %(default)s")
     line.add_argument(
         "--faults", metavar="FILE", help="inject the faults of FILE: of drones, links and firmware"
+    )
+    line.add_argument(
+        "--condition",
+        action="append",
+        default=[],
+        metavar="AGENT=CONDITION",
+        help="condition of a drone before the flight, for `star preflight`; may be repeated: "
+        f"{', '.join(Condition)}",
     )
     line.add_argument(
         "--link-timeout",

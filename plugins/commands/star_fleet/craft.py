@@ -131,6 +131,11 @@ class Craft:
             )
         )
 
+    def begin_estimate_in_map(self) -> None:
+        """Start the estimator anew, at its pose in the map, as a positioning system measures it."""
+        x, y = self._drone["position"][:2].tolist()
+        self.begin_estimate(x, y, float(self._drone["seen_yaw"]))
+
     def begin_estimate(self, x: float, y: float, yaw: float) -> None:
         """Start the estimator anew: it is at `x` and `y`, m, with heading `yaw`, rad.
 

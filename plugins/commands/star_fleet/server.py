@@ -8,12 +8,14 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
+from types import MappingProxyType
 from typing import Any, Final, Self, TypeAlias
 
 import numpy as np
 
 from star_core import Agent, Frames, Image, InputError, PluginError, Scene
 from star_core.toolkit import Fault
+from star_fleet.conditions import NONE, Condition, Conditions, prepare
 from star_fleet.craft import Craft
 from star_fleet.link_faults import NO_FAULTS, Direction, FaultyLinks, LinkFaults
 from star_fleet.ports import Client, Ports
@@ -65,6 +67,7 @@ class Fleet:
         link_timeout: Time without a packet after which a vehicle deletes its log blocks, as the
             firmware does by its radio, s of the client's clock: simulated time divided by `speed`.
             Infinite for none; a link over TCP has none.
+        conditions: Conditions of drones before the flight, by row; they last.
         simulator: Further arguments of `Simulator`. A controller ``pid`` or ``mellinger`` flies
             until a client sets the parameter ``stabilizer.controller``. Delay and loss of the
             profile's radio link have no effect: see `faults`.
@@ -91,6 +94,7 @@ class Fleet:
         faults: LinkFaults = NO_FAULTS,
         seed: int | None = None,
         link_timeout: float = LINK_TIMEOUT,
+        conditions: Conditions = MappingProxyType({}),
         **simulator: Any,
     ) -> None:
         self.simulator = Simulator(scene, **simulator, needs_images=self.watched)
@@ -101,6 +105,8 @@ class Fleet:
         self._agents, self._arms_itself = scene.agents, arms_itself
         self._link_timeout = link_timeout * speed  # s, simulated
         self._speed = speed
+        self._conditions = conditions
+        prepare(self.simulator.drones, conditions)
         self.vehicles = [self._started(row) for row in range(len(scene.agents))]
         self._boots_until = np.zeros(len(scene.agents))  # s
         self.links = FaultyLinks(len(scene.agents), faults, scene.seed if seed is None else seed)
@@ -219,7 +225,7 @@ class Fleet:
             now = self.simulator.time
             if self._cycle % _SUPERVISE == 0:
                 self._supervise(now)
-            readings = Readings(self.simulator, self._info)
+            readings = Readings(self.simulator, self._info, self._conditions)
             streamed = [vehicle.advance(readings, now) for vehicle in self.vehicles]
             saw, self._saw = self._saw, any(map(self.watched, self._watchers))
             frames = Frames.none()
@@ -233,8 +239,12 @@ class Fleet:
         for row, taken, image in zip(
             frames.agent.tolist(), frames.taken.tolist(), frames.image, strict=True
         ):
+            conditions = self._conditions.get(row, NONE)
+            if Condition.NO_IMAGES in conditions:
+                continue
+            shown = np.zeros_like(image) if Condition.DARK_IMAGES in conditions else image
             for show, _ in self._watchers.get(row, ()):
-                show(image, taken)
+                show(shown, taken)
 
     def serve(self, until: float | None = None) -> None:
         """Answer packets and let time pass, until `until`, s of simulated time, or `stop`."""
@@ -290,6 +300,7 @@ class Fleet:
             camera=agent.camera is not None,
             booted=self.simulator.time,
             link_timeout=self._link_timeout,
+            conditions=self._conditions.get(row, NONE),
         )
 
     def _supervise(self, now: float) -> None:

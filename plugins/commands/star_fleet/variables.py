@@ -10,11 +10,13 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from types import MappingProxyType
 from typing import Any, Final
 
 import numpy as np
 
 from star_core import Array, Rows
+from star_fleet.conditions import GROWTH, Conditions, stations, unmeasured
 from star_fleet.packet import compress
 from star_sim import fusion
 from star_sim.airframe import DRAG_XY, DRAG_Z, GRAVITY, MASS, THRUST_MAX
@@ -51,13 +53,17 @@ class Readings:
     Args:
         simulator: Simulator of the fleet.
         info: (N,) bits of the supervisors.
+        conditions: Conditions of the drones.
     """
 
-    def __init__(self, simulator: Simulator, info: Rows) -> None:
+    def __init__(
+        self, simulator: Simulator, info: Rows, conditions: Conditions = MappingProxyType({})
+    ) -> None:
         self.drones, self.sample = simulator.drones, simulator.sample
         self.cascades = simulator.cascades
         self.info = info
-        self._now, self._fusion = simulator.time, simulator.fusion
+        self.conditions = conditions
+        self.now, self._fusion = simulator.time, simulator.fusion
         self._columns: dict[int, list[Any]] = {}
 
     def column(self, number: int) -> list[Any]:
@@ -73,7 +79,7 @@ class Readings:
         """(N, 4) quaternions x, y, z, w from the body to the odometry frame, as estimated."""
         n = len(self.drones)
         attitude = np.empty((n, 4))
-        report(self.drones, self._now, attitude, np.empty(n, np.int64))
+        report(self.drones, self.now, attitude, np.empty(n, np.int64))
         return attitude
 
     @cached_property
@@ -86,7 +92,7 @@ class Readings:
     @cached_property
     def covariance(self) -> Array:
         """(N, 3, 3) of the estimates of x, y and heading, m and rad."""
-        return self._fusion.covariance(self.drones, self._now)
+        return self._fusion.covariance(self.drones, self.now)
 
     @cached_property
     def body_velocity(self) -> Array:
@@ -207,7 +213,17 @@ def _variance(axis: int) -> Callable[[Readings], Any]:
 
 
 def _velocity_variance(_axis: int, _scale: float) -> Callable[[Readings], Any]:
-    return lambda readings: np.full(len(readings.drones), fusion.VELOCITY_VARIANCE)
+    """Of the velocity along an axis, m²/s²; it grows while nothing measures it."""
+
+    def read(readings: Readings) -> Any:
+        without = unmeasured(readings.conditions, len(readings.drones))
+        return fusion.VELOCITY_VARIANCE + GROWTH * readings.now * without
+
+    return read
+
+
+def _stations(readings: Readings) -> Any:
+    return stations(readings.conditions, len(readings.drones))
 
 
 def _battery_level(readings: Readings) -> Any:
@@ -300,6 +316,7 @@ VARIABLES: Final = (
     Variable("kalman.varY", FLOAT, _variance(1)),
     *_each("kalman", "varPX varPY varPZ", FLOAT, _velocity_variance),
     Variable("kalman.varD2", FLOAT, _variance(fusion.YAW)),
+    Variable("lighthouse.bsActive", U16, _stations),
     Variable("range.zrange", U16, _range),
     *_each("motor", "m1 m2 m3 m4", U16, _column, "pwm"),
     Variable("pm.vbat", FLOAT, _of("voltage")),

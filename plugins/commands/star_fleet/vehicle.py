@@ -12,7 +12,9 @@ import math
 from collections.abc import Callable
 from typing import Final
 
+from star_core import Supervisor as Bits
 from star_fleet import log, parameters
+from star_fleet.conditions import NONE, Condition
 from star_fleet.craft import Craft
 from star_fleet.highlevel import Guidance, HighLevel, Stage
 from star_fleet.memory import Memories
@@ -56,6 +58,7 @@ class Vehicle:
         camera: Whether it carries an AI-deck.
         booted: Time of its start, s since the start of the fleet.
         link_timeout: Time without a packet after which its log blocks are deleted, s.
+        conditions: Its conditions before the flight.
     """
 
     def __init__(
@@ -68,6 +71,7 @@ class Vehicle:
         camera: bool = False,
         booted: float = 0.0,
         link_timeout: float = LINK_TIMEOUT,
+        conditions: frozenset[Condition] = NONE,
     ) -> None:
         self.supervisor = Supervisor(arms_itself=arms_itself)
         self.info = 0
@@ -76,7 +80,9 @@ class Vehicle:
         self._name = address & 0xFF
         self._memories = Memories(address)
         self._parameters = parameters.Parameters(self._written)
-        self._parameters.put("deck.bcAI", camera)
+        self._conditions = conditions
+        self._parameters.put("deck.bcAI", camera and Condition.NO_AI_DECK not in conditions)
+        self._begin_in_condition(craft)
         self._parameters.put("stabilizer.controller", craft.controller)
         self._high_level = HighLevel(craft, self._memories.trajectory, self._parameters)
         self._guidance = Guidance(craft, self._high_level)
@@ -98,6 +104,22 @@ class Vehicle:
             Port.PLATFORM: self._on_platform,
             Port.LINK: self._on_link,
         }
+
+    def _begin_in_condition(self, craft: Craft) -> None:
+        """Set decks, self-test, supervisor and estimator as they are after a boot."""
+        if Condition.NO_FLOW_DECK in self._conditions:
+            for deck in ("Flow2", "ZRanger2"):
+                self._parameters.put(f"deck.bc{deck}", 0)
+        if self._conditions & {Condition.LIGHTHOUSE, Condition.NO_STATIONS}:
+            self._parameters.put("deck.bcLighthouse4", 1)
+        if Condition.LIGHTHOUSE in self._conditions:
+            craft.begin_estimate_in_map()
+        if Condition.FAILED_SELF_TEST in self._conditions:
+            self._parameters.put("system.selftestPassed", 0)
+        if Condition.LOCKED in self._conditions:
+            self.supervisor.state = State.LOCKED
+        if Condition.CRASHED in self._conditions:
+            self.supervisor.state = State.CRASHED
 
     def handle(self, packet: bytes, now: float, *, tcp: bool = False) -> list[bytes]:
         """Process a packet at `now`, s since the start, and return the answers.
@@ -143,8 +165,8 @@ class Vehicle:
             resting: For how long its motors have been off, s.
         """
         conditions = Conditions(
-            tumbled=tumbled,
-            crashed=crashed,
+            tumbled=tumbled or Condition.TUMBLED in self._conditions,
+            crashed=crashed or Condition.CRASHED in self._conditions,
             resting=resting,
             silence=self._guidance.silence(now),
             emergency=self._parameters["stabilizer.stop"] != 0,
@@ -162,6 +184,8 @@ class Vehicle:
             plans=self._high_level.stage(now) is not Stage.IDLE,
             finished=self._high_level.finished(now),
         )
+        if Condition.DECK_FAULT in self._conditions:
+            self.info |= int(Bits.DECK_FAULT)
 
     def _on_parameters(self, channel: int, payload: bytes, _now: float) -> bytes | None:
         if channel == TABLE:
@@ -264,6 +288,8 @@ class Vehicle:
         if name != "kalman.resetEstimation" or not self._parameters[name]:
             return
         x, y, yaw = (self._parameters[f"kalman.initial{axis}"] for axis in ("X", "Y", "Yaw"))
-        if sound([x, y, yaw]):
+        if Condition.LIGHTHOUSE in self._conditions:
+            self._craft.begin_estimate_in_map()
+        elif sound([x, y, yaw]):
             self._craft.begin_estimate(x, y, math.remainder(yaw, math.tau))
         self._parameters.put(name, 0)

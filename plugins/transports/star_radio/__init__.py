@@ -1,6 +1,7 @@
 """Transport ``radio``: Crazyflies reached through cflib, or simulated by ``star fleet``.
 
-The command ``star scan`` finds them, and ``star land`` lands those that no program flies any more.
+Commands: ``star scan`` finds them, ``star preflight`` checks whether they can fly a mission, and
+``star land`` lands those that no program flies any more.
 """
 
 from __future__ import annotations
@@ -101,6 +102,13 @@ def star_commands() -> Iterable[CommandSpec]:
         summary="List the drones that answer: firmware, battery, decks and link.",
         configure=deferred("star_radio.scan_command:configure"),
         run=deferred("star_radio.scan_command:run"),
+        group="Hardware",
+    )
+    yield CommandSpec(
+        name="preflight",
+        summary="Check whether the drones of a mission can fly it.",
+        configure=deferred("star_radio.preflight_command:configure"),
+        run=deferred("star_radio.preflight_command:run"),
         group="Hardware",
     )
     yield CommandSpec(

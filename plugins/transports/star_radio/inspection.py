@@ -27,8 +27,8 @@ REVISION: Final = ("firmware.revision0", "firmware.revision1", "firmware.modifie
 STATIONS: Final = {"Lighthouse4": "lighthouse.bsActive", "Loco": "ranging.state"}
 """By deck of a positioning system, the bits of the stations or anchors that it uses."""
 POSITION_VARIANCES: Final = ("kalman.varX", "kalman.varY")  # m²
-ECHOES: Final = 25  # by which a link without a dongle is measured
-ECHO_PERIOD: Final = 0.02  # s
+ECHOES: Final = 100  # by which a link without a dongle is measured
+ECHO_PERIOD: Final = 0.01  # s
 ECHO_TIMEOUT: Final = 1.0  # s, for the last ones
 
 Result = TypeVar("Result")
@@ -222,12 +222,13 @@ def inspection(vehicle: Vehicle, *, settle: bool) -> Inspection:
 
 def link_quality(link: Link) -> float:
     """Return the share of echoes that come back, %, or the dongle's quality if that is lower."""
-    before = link.echoes
+    sent = []
     for _ in range(ECHOES):
-        link.post(packets.echo(time.monotonic()))
+        sent.append(time.monotonic())
+        link.post(packets.echo(sent[-1]))
         time.sleep(ECHO_PERIOD)
     end = time.monotonic() + ECHO_TIMEOUT
-    while link.echoes - before < ECHOES and time.monotonic() < end:
+    while (back := len(set(sent) & {*link.echoes})) < ECHOES and time.monotonic() < end:
         time.sleep(ECHO_PERIOD)
-    share = 100.0 * min(1.0, (link.echoes - before) / ECHOES)
+    share = 100.0 * back / ECHOES
     return share if math.isnan(link.quality) else min(share, link.quality)

@@ -29,13 +29,14 @@ from star_core import (
     Truth,
 )
 from star_core.toolkit import GroundEvidence, shortlist
-from star_radio import budget, orders, profiles, report
+from star_radio import budget, orders, preflight, profiles, report
 from star_radio.broadcast import BroadcastCommands
 from star_radio.connection import udp_links
 from star_radio.connection.cflib_link import silence_cflib
 from star_radio.connection.link import Link
 from star_radio.connection.tables import Tables, user_cache
 from star_radio.handover import WATCHDOG
+from star_radio.inspection import Equipment
 from star_radio.landings import Landings
 from star_radio.options import RadioOptions
 from star_radio.sensors import Sensors, connecting
@@ -145,29 +146,54 @@ class Radio:
             shown: Whether to report the progress on stderr.
 
         Raises:
-            PluginError: Agents cannot be reached; the message lists each with its reason.
+            PluginError: Agents cannot be reached, or cannot fly; the message lists each with its
+                reason.
         """
-        fly_without = self._options.absent == "fly-without"
         if self._broadcasts is not None:
             self._broadcasts.clear_groups()
         with self.progress if shown else nullcontext():
             absent = _faults(dict(enumerate(self.vehicles)), self._connect)
-        self.connected[:] = [row not in absent for row in range(len(self.vehicles))]
-        if fly_without or not absent:
-            self._sensors.connect()
-        if not absent:
+        self.connected[:] = True
+        self._leave_out(absent, "reach", "agents-unreachable")
+        present = {row: self.vehicles[row] for row in np.flatnonzero(self.connected).tolist()}
+        self._leave_out(_faults(present, self._check), "fly", "agents-unfit")
+        self._sensors.connect()
+
+    def _leave_out(self, faults: Mapping[int, str], what: str, code: str) -> None:
+        """Fly without agents that have faults, by row, if that is allowed and others are left."""
+        self.connected[[*faults]] = False
+        if not faults:
             return
-        count = f"{len(absent)} of {len(self.vehicles)}"
-        text = f"cannot reach {count} agents: {shortlist(absent.values(), '; ')}"
+        text = f"cannot {what} {len(faults)} of {len(self.vehicles)} agents: "
+        text += shortlist(faults.values(), "; ")
         if not self.connected.any():
-            raise PluginError(text, "agents-unreachable")
-        if not fly_without:
+            raise PluginError(text, code)
+        if self._options.absent != "fly-without":
             raise PluginError(
                 f"{text}; to fly without them, set 'absent: fly-without' in a mission with "
                 "'safety: {link_lost: {}}'",
-                "agents-unreachable",
+                code,
             )
         log.warning("radio: %s: flying without them", text)
+
+    def _check(self, _row: int, vehicle: Vehicle) -> None:
+        """Refuse a drone that cannot fly, by the checks of ``star preflight``."""
+        findings = [
+            *preflight.fitness(
+                vehicle.name,
+                Equipment.read(vehicle),
+                vehicle.stream.newest.state,
+                camera=vehicle.name in self._options.cameras,
+                settled=True,  # `connect` has waited for it
+            )
+        ]
+        for finding in findings:
+            if finding.severity is preflight.Severity.WARNING:
+                text = f"{finding.check}: {finding.text}: {finding.remedy}"
+                log.warning("radio: %s: %s", vehicle.name, text)
+        if text := preflight.errors(findings):
+            vehicle.link.close()
+            raise PluginError(text, "agents-unfit")
 
     def upload(self, trajectories: Sequence[Trajectory]) -> None:
         """Upload trajectories to all drones in parallel.

@@ -15,7 +15,7 @@ from typing import Final, Self
 
 import numpy as np
 
-from star_core import Frames, Scene
+from star_core import Frames, Image, Scene
 from star_radio.address import PORT, host_and_port
 from star_radio.camera.stream import Counts, Shot, Stream
 
@@ -59,6 +59,25 @@ class AiDecks:
             deck.client.reached(max(0.0, until - time.monotonic()))
         for deck in self._decks.values():
             deck.watch(has_image=False)
+
+    def survey(self, timeout: float) -> dict[int, tuple[Image | None, str]]:
+        """Wait up to `timeout` s for an image of each deck.
+
+        Returns:
+            By row, the newest image, None without one, and then the reason.
+        """
+        until = time.monotonic() + timeout
+        images: dict[int, Image] = {}
+        while len(images) < len(self._decks) and time.monotonic() < until:
+            for row, deck in self._decks.items():
+                if shots := deck.client.arrived():
+                    images[row] = shots[-1].image
+            time.sleep(POLL_PERIOD)
+        silent = f"no image in {timeout:g} s"
+        return {
+            row: (images.get(row), "" if row in images else deck.fault() or silent)
+            for row, deck in self._decks.items()
+        }
 
     def frames(self, began: float) -> Frames:
         """Return the images since the last call.
@@ -110,11 +129,12 @@ class _AiDeck:
             if self.lost:
                 log.info("radio: the camera of %s is back", self.name)
             self.lost = False
-        elif not self.lost and (why := self._fault()) is not None:
+        elif not self.lost and (why := self.fault()) is not None:
             log.warning("radio: the camera of %s is not available: %s", self.name, why)
             self.lost = True
 
-    def _fault(self) -> str | None:
+    def fault(self) -> str | None:
+        """Return why no image can arrive; None if one can."""
         fault = self.client.fault
         if fault is None and (counts := self.client.counts).wrong and not counts.images:
             height, width = self.shape
@@ -127,6 +147,7 @@ CHUNK: Final = 65_536  # bytes per read
 CONNECT_TIMEOUT: Final = 0.5  # s; with the pause, a deck is reconnected within 1 s
 RETRY_PERIOD: Final = 0.25  # s, between two connection attempts
 SILENCE_TIMEOUT: Final = 2.0  # s without a byte, then reconnect; decks send 8 images per second
+POLL_PERIOD: Final = 0.02  # s, between two looks for the first images
 MAX_WAITING: Final = 8  # images: 1 s of a deck's stream
 CLOSE_TIMEOUT: Final = 2.0  # s, for the thread to end
 

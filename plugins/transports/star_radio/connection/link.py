@@ -27,6 +27,7 @@ MIN_DURATION: Final = 2.0  # s below it, before the warning
 ECHO_PERIOD: Final = 0.5  # s without a sent packet, after which an echo keeps the link alive
 UDP_ECHO_PERIOD: Final = 0.09  # s, likewise over UDP, where no dongle polls: without any packet for
 # 1 s the firmware deletes its log blocks, and at 20 % loss two echoes a second are too few
+MAX_ECHOES: Final = 200  # that are remembered
 WINDOW: Final = 12  # simultaneously open requests; the firmware queues 16 packets per port
 
 
@@ -42,7 +43,7 @@ class Link:
         uri: As given.
         broken: The driver's last error message; empty without one. A link may recover.
         report: Called with every report and its arrival time, in the receiving thread.
-        echoes: Number of echoes that were received.
+        echoes: When the newest echoes that came back were sent, s of the computer's clock.
     """
 
     def __init__(self, uri: str, name: str, udp_links: UdpLinks | None = None) -> None:
@@ -54,7 +55,7 @@ class Link:
         self._driver: LinkDriver | None = None
         self._answers = Answers()
         self.report: Callable[[bytes, float], object] = lambda _payload, _arrived: None
-        self.echoes = 0
+        self.echoes: deque[float] = deque(maxlen=MAX_ECHOES)
         self._last = 0.0  # s of the computer's clock, of the last sent packet
         self._measured = 0.0  # s of the computer's clock, of the last echo request
         self._closing = False
@@ -177,7 +178,7 @@ class Link:
         payload = packet[1:]
         if port == (packets.LINK, 0):
             if (sent := packets.echoed(payload)) is not None:
-                self.echoes += 1
+                self.echoes.append(sent)
                 self._answers.round_trip.note(arrived - sent)
             return
         if not self._answers.take(port, payload) and port[0] == packets.CONSOLE:

@@ -139,6 +139,9 @@ class Peer:
             case 2, 0:
                 kinds = [(name, kind) for name, (kind, _value) in self.parameters.items()]
                 return self._table(payload, kinds, 0xBBBB0002)
+            case 2, 1:
+                name = list(self.parameters)[int.from_bytes(payload[:2], "little")]
+                return payload[:2] + b"\0" + self.stored[name]
             case 2, 2:
                 return self._write(payload)
             case 8, 0:

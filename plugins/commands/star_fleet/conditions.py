@@ -1,0 +1,88 @@
+"""Conditions in which drones of a fleet are before a flight: what ``star preflight`` finds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from enum import StrEnum
+from typing import Final, TypeAlias
+
+import numpy as np
+
+from star_core import Array, InputError, Mask, Scene
+from star_core.toolkit import suggestion
+from star_sim.drone import Drones
+
+EMPTY: Final = 0.01  # charge of an empty battery, as a fraction of full: 3.0 V
+DISPLACEMENT: Final = 0.5  # m along the map's x axis
+GROWTH: Final = 2.5e-3  # m²/s² per second: of a velocity that is not measured, 0.5 m/s² of noise
+
+
+class Condition(StrEnum):
+    """A fault that a drone has before the flight, or a deck that it carries."""
+
+    LIGHTHOUSE = "lighthouse"  # a deck that receives two base stations
+    NO_STATIONS = "no-stations"  # a deck that receives none
+    EMPTY_BATTERY = "empty-battery"
+    FAILED_SELF_TEST = "failed-self-test"
+    NO_FLOW_DECK = "no-flow-deck"
+    NO_AI_DECK = "no-ai-deck"
+    DECK_FAULT = "deck-fault"
+    LOCKED = "locked"
+    CRASHED = "crashed"
+    TUMBLED = "tumbled"
+    UNSETTLED = "unsettled"  # its estimator has no measurements of the velocity
+    DISPLACED = "displaced"  # 0.5 m along the map's x axis from its start
+    NO_IMAGES = "no-images"
+    DARK_IMAGES = "dark-images"
+
+
+Conditions: TypeAlias = Mapping[int, frozenset[Condition]]
+"""Conditions by row."""
+
+NONE: Final[frozenset[Condition]] = frozenset()
+UNMEASURED: Final = {Condition.NO_FLOW_DECK, Condition.UNSETTLED}
+
+
+def read_conditions(texts: Iterable[str], scene: Scene) -> Conditions:
+    """Return the conditions of ``AGENT=CONDITION`` each.
+
+    Raises:
+        InputError: There is no such agent or condition.
+    """
+    rows: dict[int, frozenset[Condition]] = {}
+    for text in texts:
+        name, _, condition = text.partition("=")
+        if name not in scene.names:
+            hint = suggestion(name, scene.names, "there are")
+            raise InputError(f"--condition {text}: no agent named {name!r}{hint}", "unknown-agent")
+        if condition not in [*Condition]:
+            hint = suggestion(condition, [*Condition], "there are")
+            wrong = f"--condition {text}: no condition {condition!r}{hint}"
+            raise InputError(wrong, "invalid-option")
+        row = scene.names.index(name)
+        rows[row] = rows.get(row, NONE) | {Condition(condition)}
+    return rows
+
+
+def prepare(drones: Drones, conditions: Conditions) -> None:
+    """Empty batteries, and move drones, as their conditions are."""
+    for row, some in conditions.items():
+        if Condition.EMPTY_BATTERY in some:
+            drones["charge"][row] = EMPTY
+        if Condition.DISPLACED in some:
+            drones["position"][row, 0] += DISPLACEMENT
+            drones["origin"][row, 0] += DISPLACEMENT
+
+
+def unmeasured(conditions: Conditions, n: int) -> Mask:
+    """Return whose velocity the estimator does not measure: (N,)."""
+    return _rows(conditions, n, UNMEASURED) > 0
+
+
+def stations(conditions: Conditions, n: int) -> Array:
+    """Return the bits of the Lighthouse base stations that drones receive: (N,)."""
+    return 3.0 * _rows(conditions, n, {Condition.LIGHTHOUSE})
+
+
+def _rows(conditions: Conditions, n: int, which: set[Condition]) -> Array:
+    return np.array([float(bool(which & conditions.get(row, NONE))) for row in range(n)])
