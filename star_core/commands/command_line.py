@@ -51,7 +51,7 @@ def parse(spec: CommandSpec, arguments: Sequence[str]) -> argparse.Namespace:
     if unknown and not unknown[0].startswith("-"):
         raise InputError(f"{unknown[0]!r} is one argument too many", "invalid-argument")
     if unknown:
-        flags = re.findall("--[a-z-]+", line.format_help())
+        flags = dict.fromkeys(re.findall("--[a-z-]+", line.format_help()))
         hint = suggestion(unknown[0], flags, "there are")
         raise InputError(f"unknown option {unknown[0]!r}{hint}", "unknown-option")
     return options

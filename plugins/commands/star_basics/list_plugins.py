@@ -50,9 +50,12 @@ def run(options: Namespace, registry: Registry) -> int:
 def chosen(registry: Registry, name: str | None = None) -> Plugins:
     """Return all plugins; with a `name`, those of that name, distribution or kind.
 
+    A ``verb`` is a task, as everywhere on the command line.
+
     Raises:
         PluginError: There are none of that name.
     """
+    name = "task" if name == "verb" else name
     plugins = [*registry, *_observers(registry)]
     if name is None:
         return plugins

@@ -161,6 +161,9 @@ def _as_map(breach: Breach) -> str:
     """Return how to write a list, or one of the keys, as a map."""
     value = breach.value
     if isinstance(value, list) and value and all(isinstance(item, dict) for item in value):
+        keys = [str(key) for key in value[0] if key != "name"]
+        if isinstance(name := value[0].get("name"), str) and keys:
+            return f"; write each as `{name}: {{{keys[0]}: ...}}`"
         return f"; remove the '- ' before each: `{next(iter(value[0]), '...')}: ...`"
     examples = (
         breach.possible_keys.get(value, {}).get("examples") if isinstance(value, str) else None

@@ -193,6 +193,11 @@ def test_names_match_plugins_entry_points_and_kinds(
     assert {(kind, one.offer.name) for kind, one in chosen(Registry(), name)} == found
 
 
+def test_a_verb_is_a_task() -> None:
+    registry = Registry()
+    assert chosen(registry, "verb") == chosen(registry, "task") != []
+
+
 def test_observers_are_the_plugins_that_observe_flights() -> None:
     class Advisor:
         @hookimpl
