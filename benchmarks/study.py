@@ -8,6 +8,8 @@ some of it. Everything runs on this machine; other load on it is part of every w
   processes. **No run flies**: a worker sleeps `NAP` seconds and returns the summary of a flight
   that was flown once, with some noise. Efficiency is the sum of all sleeps over the wall time of
   the study, its table included, times the number of workers. Memory is the parent's peak.
+- ``memory``: peak of a process that keeps and tabulates the results of `RUNS` such runs, which an
+  engine in it returns at once.
 - ``report``: of that study: processor time to write it, its size and, where playwright is
   installed, the wall time until its first figure is shown in Chromium.
 - ``flights``: wall time of a study of `FLIGHTS` real flights on one core over that on two.
@@ -27,7 +29,7 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import closing, contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -35,6 +37,7 @@ from typing import Any, Final
 
 from star_ablate.cluster import Cluster
 from star_ablate.command import _fly
+from star_ablate.flight import Job, Result
 from star_ablate.reading import read
 from star_ablate.workers import Engine, Processes
 from star_core import Registry, fly, load
@@ -69,11 +72,33 @@ def nap(text: str) -> str:
     from distributed import get_worker
 
     time.sleep(float(os.environ["STAR_NAP"]))
-    summary = json.loads(Path(os.environ["STAR_SUMMARY"]).read_text())
-    noise = random.Random(json.loads(text)["seed"])  # noqa: S311 -- no secret
+    content = ["completed", "", 1.0, noisy_summary(json.loads(text)["seed"])]
+    return json.dumps([get_worker().address, content])
+
+
+def noisy_summary(seed: int) -> dict[str, Any]:
+    """Return the summary of a flight with noise."""
+    summary: dict[str, Any] = json.loads(Path(os.environ["STAR_SUMMARY"]).read_text())
+    noise = random.Random(seed)  # noqa: S311 -- no secret
     summary["flight_time_s"] += noise.gauss()
     summary["min_separation_m"] *= noise.uniform(0.9, 1.1)
-    return json.dumps([get_worker().address, ["completed", "", 1.0, summary]])
+    return summary
+
+
+class Instant:
+    """An engine whose runs are over at once."""
+
+    size = 1
+
+    def fly_all(
+        self, jobs: Sequence[Job], *_: object, **__: object
+    ) -> Generator[tuple[int, Result]]:
+        for index, job in enumerate(jobs):
+            summary = noisy_summary(job.mission.scene.seed)
+            yield index, Result("completed", "", 1.0, summary)
+
+    def close(self) -> None:
+        """Do nothing."""
 
 
 def write(folder: Path, conditions: int, seeds: int, settings: str = "") -> Path:
@@ -138,11 +163,15 @@ def wait_for_workers(address: str, number: int) -> None:
 
 
 def parent(address: str, path: str, out: str) -> None:
-    """Fly a study of sleeps on a cluster, and print wall time, s, and peak memory, MB."""
+    """Fly a study of sleeps, and print wall time, s, peak memory, MB, and processor time, s.
+
+    `address` is that of the cluster, or empty: then the runs are over at once.
+    """
     from study import nap as task  # by which workers can import it
 
     study = read(Path(path), registry := Registry())
-    with closing(Cluster(registry, address, task=task)) as engine:
+    cluster = Cluster(registry, address, task=task) if address else Instant()
+    with closing(cluster) as engine:
         begun = time.perf_counter()
         _fly(study, Path(out), engine)
         wall_time = time.perf_counter() - begun
@@ -150,23 +179,45 @@ def parent(address: str, path: str, out: str) -> None:
     print(json.dumps([wall_time, memory, time.process_time()]))
 
 
+def ready(folder: Path) -> tuple[Path, Path]:
+    """Write a study of `RUNS` runs, and the summary of one; return their files."""
+    path = write(folder, *((10, RUNS // 10) if RUNS >= 10 else (1, RUNS)))  # noqa: PLR2004 -- ten
+    summary, registry = folder / "summary.json", Registry()
+    if not summary.exists():
+        flight = fly(load("missions/first_flight.yaml", registry), registry)
+        summary.write_text(json.dumps(flight))
+    return path, summary
+
+
+def start_parent(address: str, path: Path, out: Path, summary: Path) -> tuple[float, float, float]:
+    """Run `parent` in a process of its own."""
+    command = [sys.executable, __file__, "--parent", address, str(path), str(out)]
+    done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True,
+                          stderr=subprocess.DEVNULL,
+                          env=os.environ | {"STAR_SUMMARY": str(summary)})  # fmt: skip
+    wall_time, memory, spent = json.loads(done.stdout)
+    return wall_time, memory, spent
+
+
+def memory(folder: Path) -> Iterator[tuple[str, float]]:
+    """Yield what the results of a study take."""
+    path, summary = ready(folder)
+    _, peak, spent = start_parent("", path, folder / "out", summary)
+    yield f"memory (MB), {RUNS} results", peak
+    yield f"processor time (s), {RUNS} results", spent
+
+
 def sleeps(folder: Path) -> Iterator[tuple[str, float]]:
     """Yield the figures of a study of sleeps."""
-    path = write(folder, *((10, RUNS // 10) if RUNS >= 10 else (1, RUNS)))  # noqa: PLR2004 -- ten
-    registry = Registry()
-    summary = folder / "summary.json"
-    summary.write_text(json.dumps(fly(load("missions/first_flight.yaml", registry), registry)))
+    path, summary = ready(folder)
     files = {"STAR_NAP": str(NAP), "STAR_SUMMARY": str(summary)}
     with cluster(WORKERS, PROCESSES, **files) as (address, processes):
         before = spent_by(processes)
-        command = [sys.executable, __file__, "--parent", address, str(path), str(folder / "out")]
-        done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True,
-                              stderr=subprocess.DEVNULL)  # fmt: skip
+        wall_time, peak, of_parent = start_parent(address, path, folder / "slept", summary)
         spent = spent_by(processes) - before  # the parent's too, a child of this process
-    wall_time, memory, of_parent = json.loads(done.stdout)
     efficiency = RUNS * NAP / (WORKERS * wall_time)
     yield f"efficiency, {RUNS} sleeps of {NAP:g} s, {WORKERS} workers", efficiency
-    yield "memory (MB)", memory
+    yield "memory (MB), the same", peak
     yield "processor time for a run, parent (ms)", 1000 * of_parent / RUNS
     yield "processor time for a run, all (ms)", 1000 * spent / RUNS
 
@@ -246,7 +297,8 @@ def overheads(folder: Path) -> Iterator[tuple[str, float]]:
 
 
 MEASURES: Final = {
-    "plan": plans, "cluster": sleeps, "report": report, "flights": flights, "overhead": overheads,
+    "plan": plans, "memory": memory, "report": report, "cluster": sleeps, "flights": flights,
+    "overhead": overheads,
 }  # fmt: skip
 
 

@@ -108,9 +108,9 @@ SCRIPTS = {
     "soak": Small("--json --minutes 0.1 --drones 2", campaign="real time"),
     "startup": Small("--json --rounds 1", campaign="a cold start"),
     "study": Small(
-        "--json --only plan cluster report",
+        "--json --only plan memory cluster",
         {"RUNS": 40, "WORKERS": 4, "NAP": 0.02, "PROCESSES": 1, "PLANS": ((4, 2),)},
-        needs=("distributed", "plotly"),
+        needs=("distributed",),
     ),
     "tick": Small("--json --agents 40"),
     "tick_cost": Small("--json --agents 3 --flights 1", {"ROUNDS": 1}),
