@@ -33,7 +33,7 @@ PAGES = [
     *sorted((ROOT / "docs").rglob("*.md")),
 ]
 FENCE = re.compile(r"(?:^`([\w./-]+)`:\n\n)?^( *)```(\w+)\n(.*?)^\2```$", re.MULTILINE | re.DOTALL)
-FOREIGN = ("crazyflie_py",)  # shown for comparison
+FOREIGN = ("crazyflie_py", "dask_jobqueue")  # shown for comparison, and for clusters
 
 WORLD = """\
 star: 1
