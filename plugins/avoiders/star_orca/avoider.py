@@ -46,7 +46,8 @@ class Orca:
         uncertainty_margin: Number of standard deviations of its position by which an agent's radius
             is enlarged, at most tripled, and so are the distances to obstacles and fence; the
             scene's if None. The margin yields: see `star_core.toolkit.yielding_margin`; slowly, if
-            it is wide and the agents' goals are not near each other.
+            it is wide, the agents fly to goals that are not near each other, and there are no
+            obstacles.
     """
 
     def __init__(  # noqa: PLR0913 -- one for each option

@@ -31,8 +31,8 @@ from star_orca.neighbours import (
 from star_orca.obstacle_planes import add_obstacles
 
 # Time constant with which wide margins yield, s, in place of `YIELD_TIME`: agents that drift would
-# use up their margins before they have turned around each other. Not near obstacles, where there is
-# less room for a turn, and not in a crowd, which would block itself.
+# use up their margins before they have turned around each other. Not among obstacles, where there
+# is less room for a turn, and not in a crowd, which would block itself.
 WIDE_YIELD_TIME = 60.0
 CROWD = 6  # neighbours
 
@@ -118,6 +118,9 @@ def orca(  # noqa: C901, PLR0913, PLR0917 -- numba takes plain arguments apart q
         most_edges = min(len(edges), MAX_EDGES)
         edge_buffers = (np.empty(most_edges, np.int64), np.empty(most_edges))
         rows += most_edges
+    in_the_open = YIELD_TIME  # s
+    if edges is None:
+        in_the_open = WIDE_YIELD_TIME
     planes, scratch = np.empty((rows, 3)), np.empty((rows, 3))
     answer = wish.copy()
     for me in range(len(agents)):
@@ -127,17 +130,15 @@ def orca(  # noqa: C901, PLR0913, PLR0917 -- numba takes plain arguments apart q
         count = nearest(agents, me, cell[me], start, columns, limits, neighbours, distance)
         i = int(agents[me, ROW])
         east, north, wide = position[i, 0], position[i, 1], hard_margin[i]
-        fenced = fence_planes(east, north, speed[i], wide, fence, obstacle_horizon, planes)
-        hard = fenced
+        hard = fence_planes(east, north, speed[i], wide, fence, obstacle_horizon, planes)
         if edges is not None:
             hard = add_obstacles(
                 *(i, position, velocity, speed, hard_margin, edges, first, height),
                 *(obstacle_horizon, clearance, virtual, edge_buffers, planes, hard),
             )
-        wide_yield_time = WIDE_YIELD_TIME if hard == fenced and count < CROWD else YIELD_TIME
+        yield_time = in_the_open if count < CROWD else YIELD_TIME
         half_planes(
-            *(agents, me, neighbours, count, horizon, period, vertical),
-            *(wide_yield_time, planes, hard),
+            *(agents, me, neighbours, count, horizon, period, vertical, yield_time, planes, hard)
         )
         x, y, z = agents[me, WISH_X], agents[me, WISH_Y], agents[me, WISH_Z]
         squared = x * x + y * y + z * z

@@ -196,7 +196,7 @@ def test_lanes_do_not_depend_on_rows_nor_on_cells(seed: int) -> None:
     assert answer == pytest.approx(ask(*state, turn=0.1)[order], abs=1e-6)
 
 
-FAR_WALL = ((-1.0, -0.5), (-0.9, -0.5), (-0.9, 0.5), (-1.0, 0.5))  # behind the agent
+FAR_WALL = ((-9.0, -0.5), (-8.9, -0.5), (-8.9, 0.5), (-9.0, 0.5))
 
 
 @pytest.mark.parametrize(
