@@ -49,6 +49,9 @@ def advance(  # noqa: C901, PLR0913, PLR0917 -- see star_sim.drone for why there
     at its end contacts, battery and estimator. A call may stop and start within a cycle, but must
     not go beyond a multiple of `BLOCK` cycles.
 
+    The arguments are not grouped: with a tuple for the obstacles and one for the sweep, sums are
+    compiled in another order, and four of the flights of ``benchmarks/flight_bits.py`` differ.
+
     Args:
         drones: (N,) records of `DRONE`, changed in place.
         cascades: (N,) records of `CASCADE`, changed in place; None for the ideal controller.
