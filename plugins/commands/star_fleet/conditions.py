@@ -55,8 +55,9 @@ def read_conditions(texts: Iterable[str], scene: Scene) -> Conditions:
         if name not in scene.names:
             hint = suggestion(name, scene.names, "there are")
             raise InputError(f"--condition {text}: no agent named {name!r}{hint}", "unknown-agent")
-        if condition not in [*Condition]:
-            hint = suggestion(condition, [*Condition], "there are")
+        names = [each.value for each in Condition]
+        if condition not in names:
+            hint = suggestion(condition, names, "there are")
             wrong = f"--condition {text}: no condition {condition!r}{hint}"
             raise InputError(wrong, "invalid-option")
         row = scene.names.index(name)

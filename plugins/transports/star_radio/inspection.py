@@ -27,8 +27,8 @@ REVISION: Final = ("firmware.revision0", "firmware.revision1", "firmware.modifie
 STATIONS: Final = {"Lighthouse4": "lighthouse.bsActive", "Loco": "ranging.state"}
 """By deck of a positioning system, the bits of the stations or anchors that it uses."""
 POSITION_VARIANCES: Final = ("kalman.varX", "kalman.varY")  # m²
-ECHOES: Final = 100  # by which a link without a dongle is measured
-ECHO_PERIOD: Final = 0.01  # s
+ECHOES: Final = 200  # by which a link without a dongle is measured
+ECHO_PERIOD: Final = 0.005  # s
 ECHO_TIMEOUT: Final = 1.0  # s, for the last ones
 
 Result = TypeVar("Result")
@@ -78,7 +78,7 @@ class Inspection:
         tilt: Angle of its z axis to the vertical, rad.
         yaw: By its estimator, rad.
         position_std: Of the position along x or y, the greater one, m; NaN if not reported.
-        quality: Share of the packets that arrive, %, also by the dongle.
+        quality: Of its link, %: see `link_quality`.
         signal: dBm; NaN if not reported.
         stations: Bits of the stations of each of its positioning systems, by deck.
         unsettled: Why its estimator has not converged; empty if it has.
@@ -221,7 +221,12 @@ def inspection(vehicle: Vehicle, *, settle: bool) -> Inspection:
 
 
 def link_quality(link: Link) -> float:
-    """Return the share of echoes that come back, %, or the dongle's quality if that is lower."""
+    """Return the dongle's quality of a link, %, and without one the share of echoes that return.
+
+    Over a dongle, which repeats lost packets and is shared, no echoes are sent.
+    """
+    if not math.isnan(link.quality):
+        return link.quality
     sent = []
     for _ in range(ECHOES):
         sent.append(time.monotonic())
@@ -230,5 +235,4 @@ def link_quality(link: Link) -> float:
     end = time.monotonic() + ECHO_TIMEOUT
     while (back := len(set(sent) & {*link.echoes})) < ECHOES and time.monotonic() < end:
         time.sleep(ECHO_PERIOD)
-    share = 100.0 * back / ECHOES
-    return share if math.isnan(link.quality) else min(share, link.quality)
+    return 100.0 * back / ECHOES

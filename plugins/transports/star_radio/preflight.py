@@ -122,11 +122,11 @@ def readiness(
     """
     name = agent.name
     if drone.quality < MIN_QUALITY:
-        text = f"{drone.quality:.0f} % of the packets arrive, expected {MIN_QUALITY:g} %"
+        text = f"its quality is {drone.quality:.0f} %, expected {MIN_QUALITY:g} %"
         remedy = "move the dongle nearer, change the channel, or use fewer drones per dongle"
         yield Finding(name, "link", Severity.WARNING, text, remedy)
     else:
-        yield Finding(name, "link", Severity.OK, f"{drone.quality:.0f} % of the packets arrive")
+        yield Finding(name, "link", Severity.OK, f"its quality is {drone.quality:.0f} %")
     yield Finding(name, "firmware", Severity.OK, drone.firmware or f"protocol {drone.protocol}")
     settled = not drone.unsettled
     yield from fitness(name, drone.equipment, drone.state, camera=camera, settled=settled)

@@ -27,7 +27,7 @@ MIN_DURATION: Final = 2.0  # s below it, before the warning
 ECHO_PERIOD: Final = 0.5  # s without a sent packet, after which an echo keeps the link alive
 UDP_ECHO_PERIOD: Final = 0.09  # s, likewise over UDP, where no dongle polls: without any packet for
 # 1 s the firmware deletes its log blocks, and at 20 % loss two echoes a second are too few
-MAX_ECHOES: Final = 200  # that are remembered
+MAX_ECHOES: Final = 300  # that are remembered
 WINDOW: Final = 12  # simultaneously open requests; the firmware queues 16 packets per port
 
 

@@ -242,3 +242,18 @@ def test_a_flag_that_makes_no_sense_is_refused(
 def test_a_mission_that_is_none_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"no\.yaml"):
         run([str(tmp_path / "no.yaml")])
+
+
+@pytest.mark.parametrize(
+    ("condition", "code", "hint"),
+    [
+        ("cf9=locked", "unknown-agent", "did you mean"),
+        ("cf1=lockd", "invalid-option", "did you mean 'locked'?"),
+        ("cf1", "invalid-option", "there are"),
+    ],
+)
+def test_conditions_that_are_none_are_refused(condition: str, code: str, hint: str) -> None:
+    with pytest.raises(InputError) as raised:
+        run([FIRST, "--port", "0", "--condition", condition])
+    assert raised.value.code == code
+    assert hint in raised.value.message

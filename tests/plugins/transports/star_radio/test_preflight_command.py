@@ -27,7 +27,8 @@ from star_core.testing import scene
 from star_fleet.conditions import Condition
 from star_radio import preflight
 from star_radio.camera.expected_tags import tags_from
-from star_radio.inspection import Equipment, Inspection
+from star_radio.connection.link import Link
+from star_radio.inspection import Equipment, Inspection, link_quality
 from star_radio.preflight import Finding, Placement, Severity
 from star_radio.preflight_command import visible_tags
 from tests.campaign.preflight import CLEAN, FAULTS, misreports
@@ -200,3 +201,9 @@ def test_tags_are_expected_that_are_in_view_and_large(
     assert tags_from(agent, room_with_tag(distance)) == expected
     behind = dataclasses.replace(agent, yaw=0.0)
     assert tags_from(behind, room_with_tag(distance)) == set()
+
+
+def test_a_dongle_measures_the_quality_of_its_link() -> None:
+    link = Link("radio://0/80/2M/E7E7E7E701", "cf1")
+    link.note_quality({"link_quality": 64.0})
+    assert link_quality(link) == 64.0
