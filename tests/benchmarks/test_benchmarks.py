@@ -60,6 +60,7 @@ SCRIPTS = {
     "tests.campaign.covariance": Small(
         "--json --seeds 1", {"PATHS": ("paper_box",)}, campaign="15 s"
     ),
+    "tests.campaign.coverage": Small("", {"TRIALS": 20, "SIZES": (5,)}, prints="| normal |"),
     "demo": Small("--json --flights 1"),
     "detector": Small("--json --images 2 --scenes 1"),
     "disturbances": Small("--json --images 1"),
