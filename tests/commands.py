@@ -26,6 +26,6 @@ def position_and_code(problem: str) -> str:
 
 
 def problem_lines(stderr: str) -> list[str]:
-    """Return the problems that ``star check`` has printed, without excerpts and summary."""
-    rest = re.compile(r" +\d* \| .*|Found \d+ .*")
+    """Return the problems that ``star check`` has printed, and nothing else of its output."""
+    rest = re.compile(r" +\d* \| .*|Found \d+ .*|compiling kernels .*")
     return [line for line in stderr.splitlines() if not rest.fullmatch(line)]

@@ -105,7 +105,7 @@ def star_monitors(registry: Registry) -> Iterable[MonitorSpec]:  # type: ignore[
         ...         self._names = scene.names
         ...     def check(self, state):
         ...         for row in (state.estimate.position[:, 2] > 2.0).nonzero()[0]:
-        ...             yield Report("ceiling", "it flies above 2 m", self._names[row])
+        ...             yield Report("safety", "it flies above 2 m", self._names[row])
         >>> @hookimpl
         ... def star_monitors():
         ...     yield MonitorSpec(name="ceiling", summary="Reports high agents.", make=Ceiling)

@@ -97,6 +97,9 @@ SCRIPTS = {
     "real_flights": Small(f"{FLIGHTS} --json", needs=(FLIGHTS,), campaign="60 s"),
     "recording": Small("--json --rounds 1", campaign="real time"),
     "tests.campaign.relief": Small("--json --seeds 1 --rounds 1", campaign="6 s"),
+    "tests.campaign.preflight": Small(
+        "--runs 1 --clean 1", campaign="real time", prints="false alarms in 0"
+    ),
     "report": Small("--json --rounds 1", needs=("playwright",), campaign="Chromium"),
     "tests.campaign.safe_defaults": Small(
         "--seeds 1 --workers 1 --missions single-crossing-5 --out {tmp}/out", prints="crossing"

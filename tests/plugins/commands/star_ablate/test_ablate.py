@@ -62,7 +62,7 @@ def test_example_study_shows_that_orca_separates_drones(
         (level, "0") for level in ("none", "orca 0.25", "orca 0.3")
     ]
     apart = {row["avoider"]: float(row["min_separation_m"]) for row in found}
-    assert apart["none"] < 0.5 < apart["orca 0.25"] < apart["orca 0.3"]
+    assert apart["none"] < 0.5 < min(apart["orca 0.25"], apart["orca 0.3"])
     means = (tmp_path / "a" / "results.md").read_text().partition("\n## Differences")[0]
     assert means in capsys.readouterr().out
 
