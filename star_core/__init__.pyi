@@ -50,7 +50,6 @@ from star_core.plugin_support.registry import Registry as Registry
 from star_core.plugin_support.specs import AvoiderSpec as AvoiderSpec
 from star_core.plugin_support.specs import LocalizerSpec as LocalizerSpec
 from star_core.plugin_support.specs import PlannerSpec as PlannerSpec
-from star_core.plugin_support.specs import StepGoal as StepGoal
 from star_core.plugin_support.specs import TaskSpec as TaskSpec
 from star_core.plugin_support.specs import TransportSpec as TransportSpec
 from star_core.plugin_support.specs import deferred as deferred

@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
-from star_core import Problem, StepGoal
-from star_core.toolkit import number, positive
+from star_core import Problem
+from star_core.toolkit import StepGoal, number, positive
 
 if TYPE_CHECKING:
     from star_core import Scene

@@ -6,10 +6,10 @@ from collections.abc import Callable, Iterator, Mapping
 from numbers import Real
 from typing import Any, Final, TypeAlias
 
-from star_core import PluginError, Problem, Registry, Scene, StepGoal
+from star_core import PluginError, Problem, Registry, Scene
 from star_core.commands import Found
 from star_core.formats import Location, held
-from star_core.toolkit import Action
+from star_core.toolkit import Action, StepGoal
 from star_yaml.checks.feasibility import position_code
 
 LISTED: Final = 3

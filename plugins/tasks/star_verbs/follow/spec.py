@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, Final
 
-from star_core import InputError, Problem, StepGoal, TaskSpec
+from star_core import InputError, Problem, TaskSpec
+from star_core.toolkit import StepGoal
 from star_verbs.positions import (
     SPACING,
     bounded,

@@ -7,7 +7,8 @@ from collections.abc import Iterator, Mapping
 from itertools import combinations
 from typing import TYPE_CHECKING, Any, Final
 
-from star_core import Problem, StepGoal, TaskSpec
+from star_core import Problem, TaskSpec
+from star_core.toolkit import StepGoal
 from star_verbs.formation.shapes import Shape, grid_size, move_faults, shape
 from star_verbs.positions import (
     TRAVEL_SPEED,

@@ -8,10 +8,11 @@ from typing import Any, cast
 
 import pytest
 
-from star_core import PlannerSpec, Problem, Scene, StepGoal, TaskSpec, hookimpl
+from star_core import PlannerSpec, Problem, Scene, TaskSpec, hookimpl
 from star_core.discovery import Source
 from star_core.errors import InputError
 from star_core.plugin_support.registry import Registry
+from star_core.toolkit import StepGoal
 from star_yaml.mission_loader import load
 
 WORLD = """\
