@@ -37,7 +37,7 @@ check: $(VENV)/.ready  ## style, types, layers, tests
 	$(BIN)/lint-imports
 	for mission in first_flight around search; do \
 	$(BIN)/star-run missions/$$mission.yaml --no-record 2>/dev/null; done  # compiles for all tests
-	$(BIN)/python -m pytest -q -n $$(( $$(nproc) * 3 / 2 ))  # more than processors: some tests wait
+	$(BIN)/python -m pytest -q -n $$(( $$(nproc) * 2 ))  # more than processors: some tests wait
 
 generated: $(VENV)/.ready  ## write the files that are made from the code: schemas for editors, pages, examples
 	$(BIN)/star schema --out missions/mission.schema.json

@@ -82,7 +82,9 @@ SCRIPTS = {
     "imu_errors": Small(str(FLIGHTS), needs=(FLIGHTS,), campaign="20 s", prints="|"),
     "landmarks": Small(campaign="60 s", sizes={"MINUTES": 2.0}),
     "mosaic": Small("--json --scenes 1", campaign="10 s"),
-    "tests.campaign.killed_studies": Small("--runs 6 --kills 2", prints="each run was flown once"),
+    "tests.campaign.killed_studies": Small(
+        "--runs 6 --kills 2", campaign="three starts", prints="each run was flown once"
+    ),
     "tests.campaign.link_cuts": Small(
         "--flights 1 --processes 1 --phases landing --lengths 0.3", prints="landing"
     ),

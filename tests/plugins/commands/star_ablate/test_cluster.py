@@ -182,7 +182,9 @@ def test_runs_that_crash_or_hang_cost_no_worker(
     assert [r.outcome for _, r in flights(cluster, jobs("none", 1))] == ["completed"]
 
 
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])
+@pytest.mark.parametrize(
+    "number", [signal.SIGKILL, pytest.param(signal.SIGSTOP, marks=pytest.mark.campaign)]
+)
 def test_runs_of_a_lost_worker_are_flown_elsewhere(
     number: signal.Signals,
     cluster: str,
