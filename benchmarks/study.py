@@ -47,7 +47,7 @@ STAR: Final = Path(sys.executable).with_name("star")
 RUNS, WORKERS, NAP = 10_000, 64, 1.0  # s
 PROCESSES = 8  # of the workers
 PLANS = ((100, 100), (1000, 10))  # conditions, seeds
-FLIGHTS = 48
+FLIGHTS = 192
 SHORT_FLIGHTS = 40  # n
 SHORT: Final = "mission: [{takeoff: {height: 0.3}}, {land: {}}]"
 """Of the flights beside which a run's cost is seen; it does not depend on their length."""
