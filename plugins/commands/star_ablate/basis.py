@@ -17,7 +17,7 @@ from star_core.commands import Source
 from star_core.toolkit import actions
 
 DIGEST_LENGTH: Final = 16  # hexadecimal digits
-NAMED: Final = ("command", "file_kind", "format", "run_option")  # kinds that no mission names
+UNNAMED: Final = ("command", "file_kind", "format", "run_option")  # kinds that no mission names
 NO_CODE: Final = {"conftest", "docs", "examples", "noxfile", "setup", "test", "tests"}
 INSTALLED: Final = {Path(sysconfig.get_path(name)) for name in ("purelib", "platlib")}
 
@@ -51,9 +51,9 @@ class Basis:
         sources = [choice.source for choice in mission.plugins.values()]
         sources += [action.source for action in actions(mission.all_steps)]
         sources += [
-            found.source
-            for kind, found in self._registry
-            if kind not in NAMED and found.offer.name in words
+            entry.source
+            for kind, entry in self._registry
+            if kind not in UNNAMED and entry.offer.name in words
         ]
         for source in {source.plugin: source for source in [*sources, *self._observers]}.values():
             digests[f"plugin {source.plugin!r}"] = self._code(source)

@@ -22,8 +22,8 @@ from star_core.toolkit import log
 
 CONNECT_TIMEOUT: Final = 10.0  # s
 CLOSE_TIMEOUT: Final = 2.0  # s
-POLL_INTERVAL: Final = 0.2  # s, between checks whether to stop
-REFRESH_PERIOD: Final = 1.0  # s, between questions which workers there are
+POLL_INTERVAL: Final = 0.2  # s, between checks for an interrupt
+REFRESH_PERIOD: Final = 1.0  # s, between updates of the list of workers
 QUEUED: Final = 2  # runs for each thread of a worker: one waits while the other is flown
 
 
@@ -161,7 +161,7 @@ class Cluster:
             raise StarError(wrong, "different-worker")
 
     def _refresh(self) -> None:
-        """Ask, now and then, which workers there are."""
+        """Update the list of workers, at most once per `REFRESH_PERIOD`."""
         if time.monotonic() - self._refreshed < REFRESH_PERIOD:
             return
         workers = self._client.scheduler_info(n_workers=-1)["workers"]

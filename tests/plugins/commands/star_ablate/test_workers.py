@@ -61,7 +61,7 @@ def test_a_worker_that_died_idle_is_replaced(worker: Worker, hop: Callable[[str]
     assert (index, result.outcome) == (1, "failed")
 
 
-@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="asks Linux who is alive")
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="reads processes from /proc")
 def test_ending_a_worker_ends_what_its_plugins_started(
     worker: Worker, hop: Callable[[str], Mission], tmp_path: Path
 ) -> None:
@@ -87,7 +87,7 @@ if __name__ == "__main__":
 """
 
 
-@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="asks Linux who is alive")
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="reads processes from /proc")
 def test_workers_end_with_their_killed_parent(
     study: Callable[[str], Path], tmp_path: Path, wrecker: Path
 ) -> None:
