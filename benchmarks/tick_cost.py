@@ -6,6 +6,9 @@ counts, and the figure is the mean of these. Other processes hardly change it. A
 at their defaults. Three drones fly ``missions/first_flight.yaml`` in the simulator's default
 world, more fly the mission of ``benchmarks/tick.py``. Ticks are not recorded.
 
+With ``--step`` it prints instead what `step` of a flight costs that a program steps, over the tick
+in it: both are measured in the same flights of the demo.
+
 The loop is a hundred times the same small work of numpy and Python; between two computers, or two
 loads of one, the ratio of a tick to it changes less than the time.
 """
@@ -23,7 +26,7 @@ from typing import Final
 import numpy as np
 from tick import write
 
-from star_core import Registry, fly, load
+from star_core import Registry, fly, load, open_flight
 from star_core.tick import ControlLoop, MissionStatus
 
 FLIGHTS: Final = {3: 10, 120: 4, 1000: 2}
@@ -98,13 +101,35 @@ def measure(agents: int, flights: int) -> dict[str, float]:
     }
 
 
+def step_over_tick(flights: int) -> dict[str, float]:
+    """Return the processor times of `step` and of the tick in it, us, and their ratio."""
+    registry, steps, ticks = Registry(), [], []
+    mission = load(DEMO, registry)
+    for _ in range(flights):
+        times: list[int] = []
+        with open_flight(mission, registry, steps=True) as flight, TickTimes() as inner:
+            while not flight.over:
+                begun = thread_time_ns()
+                flight.step()
+                times.append(thread_time_ns() - begun)
+        steps.append(times)
+        ticks.append(inner)
+    step, tick = (float(np.array(times).min(axis=0).mean()) / 1000 for times in (steps, ticks))
+    return {"step (us)": step, "tick (us)": tick, "step over tick": step / tick}
+
+
 def main() -> None:
     """Print the figures."""
     options = argparse.ArgumentParser(description=__doc__)
     options.add_argument("--json", action="store_true", help="print one JSON object, only")
     options.add_argument("--agents", type=int, nargs="+", default=[*FLIGHTS], help="%(default)s")
     options.add_argument("--flights", type=int, help="of each number of drones")
+    options.add_argument("--step", action="store_true", help="a step over the tick in it")
     chosen = options.parse_args()
+    if chosen.step:
+        for name, value in step_over_tick(chosen.flights or FLIGHTS[3]).items():
+            print(f"{name:24}{value:10.4g}")
+        return
     figures = {}
     for agents in chosen.agents:
         figures[agents] = measure(agents, chosen.flights or FLIGHTS.get(agents, 4))

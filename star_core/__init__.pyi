@@ -39,7 +39,6 @@ from star_core.messages.telemetry import Frames as Frames
 from star_core.messages.telemetry import Image as Image
 from star_core.messages.telemetry import Odometry as Odometry
 from star_core.messages.telemetry import PoseFixes as PoseFixes
-from star_core.messages.telemetry import Refusal as Refusal
 from star_core.messages.telemetry import Sightings as Sightings
 from star_core.messages.telemetry import Supervisor as Supervisor
 from star_core.messages.telemetry import Telemetry as Telemetry
@@ -57,6 +56,7 @@ from star_core.records.run import Run as Run
 from star_core.records.run import read_run as read_run
 from star_core.records.study_results import read_study as read_study
 from star_core.runner import fly as fly
+from star_core.runner import open_flight as open_flight
 from star_core.world.camera import Camera as Camera
 from star_core.world.scene import Agent as Agent
 from star_core.world.scene import Limits as Limits

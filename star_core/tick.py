@@ -15,10 +15,11 @@ from star_core.execution.executor import StepExecutor
 from star_core.execution.instructions import GoalDraft, Instructions, hold
 from star_core.execution.land_all import LandAll
 from star_core.execution.landing import LandingManager
+from star_core.execution.program import Program
 from star_core.execution.reserves import ReserveManager
 from star_core.execution.step_run import TaskPool, TickContext
 from star_core.geometry.neighbours import Pairs
-from star_core.messages.arrays import Mask, some
+from star_core.messages.arrays import Mask, Rows, some
 from star_core.messages.commands import Order, Trajectory
 from star_core.messages.events import Corrected, Tick
 from star_core.messages.state import (
@@ -86,6 +87,10 @@ class ControlLoop:
         pipeline: The four plugins; their transport is connected before the first tick.
         observers: Receive every tick and event.
         operator: Requests to stop the motors.
+
+    Attributes:
+        program: What the program of the flight gives the agents.
+        last: The last tick that was recorded; None before the first.
     """
 
     def __init__(
@@ -123,6 +128,8 @@ class ControlLoop:
         self._executor = StepExecutor(
             mission, tasks, self._assignments, observers, pipeline.strikes
         )
+        self.program = Program(mission, registry, self._executor, self._assignments)
+        self.last: Tick | None = None
         report = partial(observers.event, "relief")
         self._reserves = (
             ReserveManager(scene, self._assignments, self._rules, mission.reserve, report)
@@ -159,6 +166,7 @@ class ControlLoop:
             status, instructions = self._executor.step(context)
             if self._reserves is not None:
                 instructions = self._reserves.step(context, instructions)
+            instructions = self.program.step(instructions)
         self._send_commands(instructions, state.estimate)
         goals = self._landing.step(state.estimate, instructions.goals)
         self._landing.repeat_missed(telemetry, state.estimate)
@@ -175,7 +183,7 @@ class ControlLoop:
         vehicles, estimate = self._vehicles, state.estimate
         self._aim(state)
         self._check(Stage.AIMED, state)
-        plan = self._pipeline.plan(estimate, state.goals)
+        plan = self.program.steer(self._pipeline.plan(estimate, state.goals))
         state.setpoint = plan.setpoint
         self._check(Stage.PLANNED, state)
         state.planned = vehicles.setpoint(state.setpoint, estimate)
@@ -287,6 +295,11 @@ class ControlLoop:
     def give_up(self, error: PluginError) -> str:
         """Return what failed when all agents cannot be landed either, as `error` reports."""
         return "" if self._land_all is None else self._land_all.give_up(error)
+
+    @property
+    def phases(self) -> Rows:
+        """The `AgentPhase` of each agent: (N,)."""
+        return self._vehicles.phases.of_agents()
 
     @property
     def phase(self) -> MissionPhase:
@@ -420,6 +433,7 @@ class ControlLoop:
         truth = self._pipeline.truth()
         timing = self._vehicles.timing.of_tick(self._pipeline.took())
         tick = Tick(self._vehicles.time, *inputs, plan, sent, truth, doing, corrected, timing)
+        self.last = tick
         for failure in self._pipeline.strikes.drain():
             self._observers.event("plugin", failure)
         for event in self._summary.add(tick, near):

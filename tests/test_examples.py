@@ -9,6 +9,7 @@ import os
 import re
 import runpy
 from pathlib import Path
+from typing import Any
 
 import nbformat
 import pytest
@@ -29,16 +30,30 @@ def test_missions_fly_from_python(
     assert sorted(folder.name for folder in Path("runs").iterdir()) == ["radius-0.2", "radius-0.3"]
 
 
+def run_notebook(name: str, folder: Path) -> list[Any]:
+    """Run a notebook in a folder; return the outputs of its cells."""
+    notebook = nbformat.reads((EXAMPLES / name).read_text(), as_version=4)  # type: ignore[no-untyped-call]
+    client = NotebookClient(notebook, timeout=300, resources={"metadata": {"path": str(folder)}})
+    client.execute(env=os.environ | {"MPLCONFIGDIR": str(folder)})
+    return [output for cell in notebook.cells for output in cell.get("outputs", ())]
+
+
 def test_the_notebook_runs_and_draws(tmp_path: Path) -> None:
-    notebook = nbformat.reads((EXAMPLES / "fly_and_plot.ipynb").read_text(), as_version=4)  # type: ignore[no-untyped-call]
-    client = NotebookClient(notebook, timeout=300, resources={"metadata": {"path": str(tmp_path)}})
-    client.execute(env=os.environ | {"MPLCONFIGDIR": str(tmp_path)})
-    outputs = [output for cell in notebook.cells for output in cell.get("outputs", ())]
+    outputs = run_notebook("fly_and_plot.ipynb", tmp_path)
     pictures = [output for output in outputs if "image/png" in output.get("data", {})]
     printed = "".join(o.get("text", "") for o in outputs if o.get("name") == "stdout")
     assert len(pictures) == 3
     assert printed.startswith("cf1 cf2 cf3 fly in lab-4x4\ncompleted after ")
     assert (tmp_path / "runs" / "notebook" / "first" / "summary.json").is_file()
+
+
+def test_the_notebook_that_steps_a_flight_runs(tmp_path: Path) -> None:
+    outputs = run_notebook("fly_step_by_step.ipynb", tmp_path)
+    printed = "".join(o.get("text", "") for o in outputs if o.get("name") == "stdout")
+    assert printed.startswith("success after ")
+    assert "completed: closest approach" in printed
+    assert len([o for o in outputs if "image/png" in o.get("data", {})]) == 1
+    assert (tmp_path / "runs" / "notebook" / "steps" / "summary.json").is_file()
 
 
 def test_the_code_of_the_page_on_python_runs(
@@ -49,8 +64,9 @@ def test_the_code_of_the_page_on_python_runs(
     names: dict[str, object] = {}
     for block in re.findall(r"```python\n(.*?)```", page, re.DOTALL):
         exec(compile(block, "python.md", "exec"), names)  # noqa: S102 -- our own page
-    outcome, shapes, height = capsys.readouterr().out.splitlines()
+    outcome, phases, ended, shapes, height = capsys.readouterr().out.splitlines()
     assert outcome.startswith("completed 0.")
+    assert (phases, ended) == ("[2 2 2] (3, 3)", "completed")
     assert shapes.startswith("('cf1', 'cf2', 'cf3') (")
     assert re.fullmatch(r"[01]\.\d\d m", height)
 

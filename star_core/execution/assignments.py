@@ -70,7 +70,8 @@ class Assignments:
         Args:
             slots: Any slots.
             program: Only those whose agents follow this one: 0, the steps of the mission, or the
-                number of a reaction, from 1; None for all.
+                number of a reaction, from 1, or, above those, of what the flight's program gave;
+                None for all.
         """
         return {
             slot: self._holder[slot]

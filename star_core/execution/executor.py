@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 from star_core.contracts import Status
@@ -21,6 +22,27 @@ from star_core.mission import Action, Choice, Mission, Node, Parallel, Repeat
 from star_core.observers import Observers
 from star_core.plugin_support.guard import Strikes
 from star_core.plugin_support.option_schema import JOIN, LEAVE
+
+
+@dataclass(slots=True)
+class StartedStep:
+    """A step that a program started.
+
+    Attributes:
+        action: The step.
+        over: Whether it has ended.
+        entry: Of ``steps`` in ``summary.json``, once it has begun.
+    """
+
+    action: Action
+    over: bool = False
+    entry: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def outcome(self) -> str | None:
+        """``success``, ``failure``, or ``aborted`` if its agents left it; None while it runs."""
+        outcome: str | None = self.entry.get("outcome")
+        return outcome or ("aborted" if self.over else None)
 
 
 class StepExecutor:
@@ -77,6 +99,30 @@ class StepExecutor:
         if Status.FAILURE in statuses:
             status = Status.FAILURE
         return status, self._draft.finish()
+
+    def start(self, action: Action, program: int) -> StartedStep:
+        """Start a step in the next tick, whose agents leave the steps that they are in.
+
+        Args:
+            action: The step.
+            program: Its number, above those of all programs so far.
+
+        Raises:
+            PluginError: Its task cannot be made.
+        """
+        self._tasks.add(action, program)
+        self._assignments.take_over(action.rows, program)
+        step = StartedStep(action)
+        self._running.append(self._started(step))
+        return step
+
+    def _started(self, step: StartedStep) -> Iterator[Status]:
+        begun = len(self.steps)
+        for status in self._sequence([step.action]):
+            if not step.entry and len(self.steps) > begun:
+                step.entry = self.steps[begun]
+            step.over = status is not Status.RUNNING
+            yield status
 
     def _react(self) -> None:
         """Begin the reactions whose conditions hold, once none of their agents takes off.

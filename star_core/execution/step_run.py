@@ -336,13 +336,18 @@ class TaskPool:
             self.close()
             raise
 
+    def add(self, action: Action, program: int) -> None:
+        """Make the task of a further step, of a program with a number."""
+        self._ready[id(action)] = self.make(action, action.rows)
+        self._programs[id(action)] = program
+
     def take(self, action: Action, rows: tuple[int, ...]) -> tuple[Task, PluginGuard]:
         """Return a task of a step for some of its agents, and the guard that names its plugin."""
         ready = self._ready.pop(id(action), None) if rows == action.rows else None
         return ready or self.make(action, rows), self._guard(action, timed=True)
 
     def program(self, action: Action) -> int:
-        """Return the program of a step: 0, or the number of its reaction, from 1."""
+        """Return the program of a step: 0, or a number as of `Assignments.holders`."""
         return self._programs.get(id(action), 0)
 
     def spec(self, action: Action) -> TaskSpec:

@@ -30,6 +30,7 @@ from star_core.messages.rotations import skew as skew
 from star_core.messages.rotations import wrap_angle as wrap_angle
 from star_core.messages.rotations import yaw_from_quaternion as yaw_from_quaternion
 from star_core.messages.state import with_possible_positions as with_possible_positions
+from star_core.messages.telemetry import Refusal as Refusal
 from star_core.mission import Action as Action
 from star_core.mission import Choice as Choice
 from star_core.mission import Node as Node

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from star_core import Estimate, Goals, Order, Plan, Refusal, Status, TaskOutput, Telemetry
+from star_core import Estimate, Goals, Order, Plan, Status, TaskOutput, Telemetry
+from star_core.toolkit import Refusal
 from tests.core.conftest import Lab
 
 BOOM = RuntimeError("boom")

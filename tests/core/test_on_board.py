@@ -19,7 +19,6 @@ from star_core import (
     Operator,
     Order,
     PluginError,
-    Refusal,
     Scene,
     TaskOutput,
     TaskSpec,
@@ -28,6 +27,7 @@ from star_core import (
     hookimpl,
 )
 from star_core.discovery import Source
+from star_core.toolkit import Refusal
 from tests.core.conftest import Lab, Script
 from tests.core.robots import Robots
 

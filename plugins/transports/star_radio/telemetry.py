@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from star_core import Array, Detections, Frames, Odometry, Refusal, Rows, Supervisor, Telemetry
-from star_core.toolkit import quaternion_from_euler
+from star_core import Array, Detections, Frames, Odometry, Rows, Supervisor, Telemetry
+from star_core.toolkit import Refusal, quaternion_from_euler
 from star_radio import report
 from star_radio.report import Layout
 from star_radio.vehicle import Vehicle

@@ -20,7 +20,6 @@ from star_core import (
     Mask,
     Order,
     PluginError,
-    Refusal,
     Scene,
     Setpoint,
     Supervisor,
@@ -28,7 +27,7 @@ from star_core import (
     Trajectory,
     Truth,
 )
-from star_core.toolkit import GroundEvidence, shortlist
+from star_core.toolkit import GroundEvidence, Refusal, shortlist
 from star_radio import budget, orders, preflight, profiles, report
 from star_radio.broadcast import BroadcastCommands
 from star_radio.connection import udp_links
