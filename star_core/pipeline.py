@@ -355,6 +355,7 @@ def renewed(last: Estimate, time: float) -> Estimate:
         corrections=Corrections.none(),
         sightings=Sightings.none(),
         detections=Detections.none(),
+        messages=(),
     )
 
 

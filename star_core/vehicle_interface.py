@@ -115,6 +115,8 @@ class VehicleInterface:
             self._missing, self._drifts = self._no_velocity, self._none
             if len(estimate.corrections.agent):
                 self._pipeline.correct(estimate.corrections)
+            for text in estimate.messages:
+                self._observers.event("estimate", text)
         self._heard = telemetry.age <= MAX_REPORT_AGE
         self._height = telemetry.position[:, 2]
         return estimate

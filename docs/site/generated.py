@@ -54,8 +54,9 @@ PACKAGES: Final = {  # pages of all public names of a package
 MODULES: Final = {  # pages of whole modules
     "hooks": ("Hooks", ["star_core.plugin_support.hookspecs"]),
     "testing": ("Checks for the tests of plugins", ["star_core.testing"]),
-    "external": ("External planners and search patterns",
-                 ["star_external.planner", "star_search.pattern", "star_search.search_space"]),
+    "external": ("External planners, search patterns and sources of motion capture",
+                 ["star_external.planner", "star_mocap.source", "star_search.pattern",
+                  "star_search.search_space"]),
 }  # fmt: skip
 
 

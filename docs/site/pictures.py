@@ -135,8 +135,8 @@ def localizers(flown: Callable[..., Run]) -> None:
     runs = {
         "flow": flown(MISSIONS / "paper_box.yaml", "localizer=flow"),
         "apriltag": flown(MISSIONS / "paper_box.yaml"),
-        "positioning": flown(
-            MISSIONS / "paper_box.yaml", "localizer=positioning",
+        "mocap": flown(
+            MISSIONS / "paper_box.yaml", "localizer=mocap",
             "transport={use: sim, positioning: {std: 0.03}}",
         ),
     }  # fmt: skip

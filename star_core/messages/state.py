@@ -68,6 +68,7 @@ class Estimate(Table):
             the core, not by localizers; zero for other agents, which is the default.
         detections: All tags that the localizer detected in images since the last tick, also those
             that it did not use; for records and displays only. Results of an image may be late.
+        messages: Lines for the record, such as what the localizer no longer receives; each once.
     """
 
     time: float
@@ -81,6 +82,7 @@ class Estimate(Table):
     corrections: Corrections = field(default_factory=Corrections.none)
     possible_travel: Array = column(3, default_factory=partial(_zeros, 0))
     detections: Detections = field(default_factory=Detections.none)
+    messages: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if not len(self.possible_travel):

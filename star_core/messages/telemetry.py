@@ -166,12 +166,16 @@ class Detections(Table):
         return type(self)(*columns)
 
 
+UNLABELLED: Final = -1
+"""`PoseFixes.agent` of a marker that may be any agent's."""
+
+
 @table(per="fix")
 class PoseFixes(Table):
     """Poses of agents in the map, as a positioning system measured them.
 
     Attributes:
-        agent: Row of the agent.
+        agent: Row of the agent; `UNLABELLED` if the system does not know whose marker it sees.
         taken: Mission time of the measurement, s; NaN if unknown.
         arrived: Mission time of its arrival, s.
         position: Map frame, m.

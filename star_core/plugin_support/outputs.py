@@ -15,7 +15,7 @@ import numpy as np
 from star_core.errors import ContractError
 from star_core.messages.arrays import Mask, Rows, Table, every, require_type
 from star_core.messages.state import Estimate, Goals, Plan, Setpoint, Truth
-from star_core.messages.telemetry import Telemetry
+from star_core.messages.telemetry import UNLABELLED, Telemetry
 
 TIME_TOLERANCE: Final = 1e-3  # s; clocks of computers have a resolution
 ESTIMATED: Final = ("position", "velocity", "yaw", "covariance")  # columns of estimates
@@ -44,7 +44,8 @@ def checked_telemetry(answer: object, n: int) -> Telemetry:
         raise ContractError(f"Telemetry.time is {telemetry.time!r}, expected a number")
     for name in ("odometry", "frames", "detections", "fixes"):
         if len(rows := getattr(telemetry, name).agent):
-            _require_agents(f"Telemetry.{name}.agent", rows, n)
+            known = rows[rows != UNLABELLED] if name == "fixes" else rows
+            _require_agents(f"Telemetry.{name}.agent", known, n)
     return telemetry
 
 
@@ -72,6 +73,8 @@ def checked_estimate(answer: object, n: int) -> Estimate:
     """
     estimate = require_type(answer, Estimate, n)
     _require_finite(estimate, "Estimate.{}", ESTIMATED, estimate.valid)
+    if not all(isinstance(text, str) for text in estimate.messages):
+        raise ContractError(f"Estimate.messages is {estimate.messages!r}, expected texts")
     frames = estimate.map_from_odom
     _require_finite(frames, "Estimate.map_from_odom.{}", ("yaw", "translation"), estimate.valid)
     for name in ("sightings", "detections"):

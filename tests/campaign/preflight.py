@@ -159,11 +159,12 @@ def served(cases: Mapping[str, Case], folder: Path, seed: int) -> Iterator[list[
                 drone, half = fleet.simulator.drones[row], scene.agents[row].yaw / 2
                 bodies[name] = [*drone["position"].tolist(), np.sin(half), np.cos(half)]
         (folder / "bodies.json").write_text(json.dumps(bodies), encoding="utf-8")
+        bodies_file = str(folder / "bodies.json")
         radio = {
             "use": "radio",
             "cache": str(folder / "tables"),
             "cameras": cameras,
-            "mocap": {"type": "mock", "hostname": str(folder / "bodies.json")},
+            "mocap": {"source": {"motioncapture": {"type": "mock", "host": bodies_file}}},
         }
         yield [*arguments, f"--set=transport={json.dumps(radio)}"]
 

@@ -21,7 +21,9 @@ FLEET_IMPORTS = {
     "star_sim.drone", "star_sim.fusion", "star_sim.pieces", "star_sim.kernel", "star_sim.transport",
 }  # fmt: skip
 GPL = {"cflib"}
-OF_PLUGINS = {"star_external.planner", "star_search.pattern", "star_search.search_space"}
+OF_PLUGINS = {
+    "star_external.planner", "star_mocap.source", "star_search.pattern", "star_search.search_space",
+}  # fmt: skip
 """What plugins offer to others for the kinds that they add."""
 
 

@@ -21,7 +21,7 @@ def _measured(transport: Mapping[str, Any], std: float) -> Mapping[str, Any]:
     positioning = {"std": std, "correlation_time": 1.0}
     return {
         "transport": {**transport, "positioning": positioning},
-        "localizer": {"use": "positioning"},
+        "localizer": {"use": "mocap"},
     }
 
 

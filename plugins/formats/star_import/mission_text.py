@@ -54,7 +54,7 @@ def mission_lines(
         log.warning(
             frame.name,
             f"this swarm was localized by {frame.positioning}; it is flown by `{localizer}`, which "
-            "needs a Flow deck on each drone; see localizer `positioning` for the alternative",
+            "needs a Flow deck on each drone; see localizer `mocap` for the alternative",
         )
     if frame.landmarks:
         log.add(frame.name, "every agent carries an AI-deck, since the world has landmarks")

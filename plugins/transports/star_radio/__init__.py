@@ -13,10 +13,10 @@ from star_core import Problem, TransportSpec, deferred, hookimpl
 from star_core.commands import CommandSpec
 from star_radio import budget
 from star_radio.address import RadioAddress, camera_faults, faults
-from star_radio.options import OPTIONS
+from star_radio.options import options_with
 
 if TYPE_CHECKING:
-    from star_core import Scene, Transport
+    from star_core import Registry, Scene, Transport
 
 
 LEGACY = "0.1.34"  # the last cflib version known to support only the legacy Crazyradio mode
@@ -41,13 +41,13 @@ def check(scene: Scene, **options: Any) -> Iterable[Problem]:
     from importlib.util import find_spec
 
     mode, broadcast = options["mode"], options["broadcast"]
-    for package, needed, path, install in (
-        ("cflib", True, (), "'star-swarm[radio]'"),
-        ("motioncapture", options["mocap"] is not None, ("mocap",), "motioncapture"),
-    ):
-        if needed and find_spec(package) is None:
-            text = f"it needs the package {package!r}: pip install {install}"
-            yield Problem(path, text, "missing-package")
+    if find_spec("cflib") is None:
+        text = "it needs the package 'cflib': pip install 'star-swarm[radio]'"
+        yield Problem((), text, "missing-package")
+    if options["mocap"] is not None:
+        from star_radio.mocap import problems
+
+        yield from problems(options["mocap"])
     if options["watchdog"] and scene.period > 0.5:  # noqa: PLR2004 -- s; its time is 1 s
         text = f"it needs a tick of 0.5 s or less, got {scene.period:g} s"
         yield Problem(("watchdog",), text, "out-of-range")
@@ -85,12 +85,12 @@ def _dongle(uri: str | None) -> str | None:
 
 
 @hookimpl
-def star_transports() -> Iterable[TransportSpec]:
+def star_transports(registry: Registry) -> Iterable[TransportSpec]:
     yield TransportSpec(
         name="radio",
         summary="Crazyflies by their links' addresses: radio, UDP, TCP or USB.",
         make=make,
-        options=OPTIONS,
+        options=options_with(registry),
         check=check,
     )
 

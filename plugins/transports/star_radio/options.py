@@ -4,9 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from star_core.toolkit import fill_defaults, number, positive
+
+if TYPE_CHECKING:
+    from star_core import Registry
+
+MOCAP_KIND: Final = "mocap_source"
+"""Kind of the plugins that receive from motion-capture systems."""
 
 OPTIONS: dict[str, Any] = {
     "type": "object",
@@ -128,24 +134,9 @@ OPTIONS: dict[str, Any] = {
         ),
         "mocap": {
             "type": ["object", "null"],
-            "required": ["type", "hostname"],
-            "properties": {
-                "type": {
-                    "type": "string",
-                    "description": "Type of the system, as named by the package motioncapture: "
-                    "'optitrack', 'vicon', 'qualisys', 'vrpn', 'mock', ...",
-                },
-                "hostname": {"type": "string", "description": "Its host."},
-                "names": {
-                    "type": "object",
-                    "additionalProperties": {"type": "string"},
-                    "default": {},
-                    "description": "Rigid-body name of each agent, if not the agent's own name.",
-                },
-            },
-            "additionalProperties": False,
             "default": None,
-            "description": "Motion-capture system that provides ground truth for recording.",
+            "description": "Motion-capture system that provides ground truth for recording, never "
+            "for the flight: a source of localizer `mocap`.",
         },
         "broadcast": {
             "type": ["integer", "null"],
@@ -185,6 +176,20 @@ class RadioOptions:
     camera_latency: float
     mocap: Mapping[str, Any] | None
     broadcast: int | None
+
+
+def options_with(registry: Registry) -> dict[str, Any]:
+    """Return `OPTIONS`, with those of the motion-capture sources that plugins offer."""
+    source: Any = registry.kinds.get(MOCAP_KIND)
+    if source is None:
+        return OPTIONS
+    system = {
+        **OPTIONS["properties"]["mocap"],
+        "required": ["source"],
+        "additionalProperties": False,
+        "properties": source.system_options(registry),
+    }
+    return OPTIONS | {"properties": OPTIONS["properties"] | {"mocap": system}}
 
 
 UNCHANGED: Final = RadioOptions(**fill_defaults({"reset": False}, OPTIONS))

@@ -165,9 +165,9 @@ def positioning(agent: str, *, visible: bool, why: str = "") -> Finding:
     if visible:
         return Finding(agent, "positioning", Severity.OK, "motion capture sees its body")
     if why:
-        remedy = "start the system, and check `type` and `hostname` of `mocap`"
+        remedy = "start the system, and check the options of its source"
         return Finding(agent, "positioning", Severity.ERROR, why, remedy)
-    remedy = "check its markers, and the name of its body in the system and in `mocap: {names: …}`"
+    remedy = "check its markers, and the name of its body in the system and in `bodies`"
     text = "motion capture does not see its body"
     return Finding(agent, "positioning", Severity.ERROR, text, remedy)
 

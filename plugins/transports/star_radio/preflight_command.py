@@ -6,7 +6,7 @@ import argparse
 import json
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -19,7 +19,7 @@ from star_core.toolkit import fill_defaults, gray_from_mosaic, yaw_from_quaterni
 from star_radio import preflight
 from star_radio.camera.expected_tags import tags_from
 from star_radio.inspection import Inspector
-from star_radio.mocap import MotionCapture
+from star_radio.mocap import TrueBodies
 from star_radio.options import OPTIONS, RadioOptions
 from star_radio.preflight import Finding, Placement, Severity
 from star_radio.table import aligned
@@ -72,7 +72,8 @@ def found(mission: Mission, options: RadioOptions) -> Iterator[Finding]:
     try:
         with Inspector({agent.name: agent.uri or "" for agent in scene.agents}) as inspector:
             inspections = inspector.inspect(settle=True)
-        placements, system = _placements(scene, options)
+        capture = _motion_capture(mission, options)
+        placements, system = ({}, "") if capture is None else _placements(scene, capture)
         images = {} if decks is None else decks.survey(options.response_timeout)
     finally:
         if decks is not None:
@@ -90,7 +91,7 @@ def found(mission: Mission, options: RadioOptions) -> Iterator[Finding]:
                 battery_low=limit,
                 placement=placements.get(row),
             )
-        if options.mocap is not None:
+        if capture is not None:
             yield preflight.positioning(agent.name, visible=row in placements, why=system)
         if row in images:
             image, fault = images[row]
@@ -124,12 +125,18 @@ def _decks(scene: Scene, options: RadioOptions) -> AiDecks | None:
     return AiDecks(scene, options.cameras, options.camera_latency)
 
 
-def _placements(scene: Scene, options: RadioOptions) -> tuple[dict[int, Placement], str]:
+def _motion_capture(mission: Mission, options: RadioOptions) -> Mapping[str, Any] | None:
+    """Return the options of the system by which a mission flies, or that is its ground truth."""
+    localizer = mission.plugins["localizer"]
+    if localizer.use == "mocap" and localizer.options.get("source"):
+        return localizer.options if localizer.options["track"] == "bodies" else None
+    return options.mocap
+
+
+def _placements(scene: Scene, system: Mapping[str, Any]) -> tuple[dict[int, Placement], str]:
     """Return where motion capture sees agents, by row, and why it does not work; else empty."""
-    if options.mocap is None:
-        return {}, ""
     try:
-        capture = MotionCapture(scene, **options.mocap)
+        capture = TrueBodies(scene, system)
     except PluginError as error:
         return {}, error.message
     began = time.monotonic()

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 from star_core import Frames, Scene, Truth
 from star_core.toolkit import Progress
-from star_radio.mocap import MotionCapture
 from star_radio.options import RadioOptions
 
 if TYPE_CHECKING:
     from star_radio.camera.ai_decks import AiDecks
+    from star_radio.mocap import TrueBodies
 
 
 class Sensors:
@@ -23,7 +23,11 @@ class Sensors:
 
     def __init__(self, scene: Scene, options: RadioOptions) -> None:
         self._timeout = options.response_timeout
-        self._mocap = MotionCapture(scene, **options.mocap) if options.mocap else None
+        self._mocap: TrueBodies | None = None
+        if options.mocap:
+            from star_radio.mocap import TrueBodies  # finds all plugins again
+
+            self._mocap = TrueBodies(scene, options.mocap)
         self._ai_decks: AiDecks | None = None
         if options.cameras:
             from star_radio.camera.ai_decks import AiDecks  # OpenCV is slow to import

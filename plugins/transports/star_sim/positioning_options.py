@@ -10,7 +10,7 @@ OPTIONS: dict[str, Any] = {
     "type": "object",
     "additionalProperties": False,
     "description": "A positioning system that measures the positions of all drones in the map, for "
-    "localizer `positioning`; none if not given.",
+    "localizer `mocap`; none if not given.",
     "examples": [{"std": 0.03, "dropout_rate": 0.05}],
     "properties": {
         "std": number(

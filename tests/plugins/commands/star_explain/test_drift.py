@@ -177,7 +177,7 @@ def test_the_error_of_a_positioning_system_is_expected(
     found = warnings(
         tmp_path,
         system,
-        "localizer=positioning",
+        "localizer=mocap",
         "mission.1.hold.for=60",
         "swarm.cf2.start=[0.7, 0, 0]",
     )

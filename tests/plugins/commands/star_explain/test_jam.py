@@ -97,7 +97,7 @@ def test_an_agent_between_two_that_come_cannot_make_way() -> None:
         (
             [
                 "avoider=voronoi",
-                "localizer=positioning",
+                "localizer=mocap",
                 "transport={use: sim, noise: false, positioning: {std: 0.03}}",
             ],
             True,

@@ -18,7 +18,7 @@ Swarm = Callable[..., list[str]]
 IMPORTED = Path("imported/crazyflies.yaml")
 WARNING = (
     "crazyflies: warning: this swarm was localized by {}; it is flown by `{}`, which "
-    "needs a Flow deck on each drone; see localizer `positioning` for the alternative"
+    "needs a Flow deck on each drone; see localizer `mocap` for the alternative"
 )
 TAGS = """\
 april_tags:

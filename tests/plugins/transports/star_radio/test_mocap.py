@@ -8,13 +8,14 @@ import time
 from contextlib import closing
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 import star_radio
 from star_core import PluginError, Truth
-from star_radio.mocap import MotionCapture
+from star_radio.mocap import TrueBodies
 from tests.plugins.transports.star_radio.conftest import options, reached
 from tests.waiting import eventually
 
@@ -54,10 +55,11 @@ class System:
 """
 RUN = """
 import time
-from star_radio.mocap import MotionCapture
+from star_radio.mocap import TrueBodies
 from tests.plugins.transports.star_radio.conftest import options, reached
 
-capture = MotionCapture(reached(["udp://127.0.0.1:9"]), type="mock", hostname="x")
+source = {"motioncapture": {"type": "mock", "host": "x"}}
+capture = TrueBodies(reached(["udp://127.0.0.1:9"]), {"source": source})
 time.sleep(0.2)
 assert capture.truth(0.0) is not None
 """
@@ -70,7 +72,12 @@ def package(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.syspath_prepend(tmp_path)
 
 
-def seen(capture: MotionCapture, began: float = 0.0) -> Truth:
+def bodies(kind: str, **system: Any) -> TrueBodies:
+    source = {"motioncapture": {"type": kind, "host": "host"}}
+    return TrueBodies(reached(URIS), {"source": source, **system})
+
+
+def seen(capture: TrueBodies, began: float = 0.0) -> Truth:
     """Return the truth once it has a velocity: from two frames, of which the newest is not old."""
     end = time.monotonic() + 10
     while time.monotonic() < end:
@@ -81,7 +88,7 @@ def seen(capture: MotionCapture, began: float = 0.0) -> Truth:
     pytest.fail("no truth")
 
 
-def is_unknown(capture: MotionCapture) -> bool:
+def is_unknown(capture: TrueBodies) -> bool:
     truth = capture.truth(0.0)
     return truth is not None and bool(np.isnan([truth.position, truth.velocity]).all())
 
@@ -90,9 +97,9 @@ def is_unknown(capture: MotionCapture) -> bool:
 def test_bodies_are_the_truth() -> None:
     names = {"cf2": "optitrack at host"}
     began = time.monotonic()
-    capture = MotionCapture(reached(URIS), type="optitrack", hostname="host", names=names)
+    capture = bodies("optitrack", bodies=names)
     with closing(capture):
-        assert eventually(lambda: len(capture._frames) > 20)
+        assert eventually(lambda: len(capture._system.recent()) > 20)
         truth = seen(capture, began)
     assert truth.time > 0.1
     assert np.allclose(truth.position[:, 1:], [[2, 3], [0, 1]])
@@ -102,7 +109,7 @@ def test_bodies_are_the_truth() -> None:
 
 @pytest.mark.usefixtures("package")
 def test_an_old_frame_is_not_the_truth(caplog: pytest.LogCaptureFixture) -> None:
-    with closing(MotionCapture(reached(URIS), type="silent", hostname="host")) as capture:
+    with closing(bodies("silent")) as capture:
         for _time in range(2):
             assert eventually(lambda: is_unknown(capture))
     assert caplog.messages == ["radio: mocap sends no frames: no ground truth until it does"]
@@ -110,30 +117,31 @@ def test_an_old_frame_is_not_the_truth(caplog: pytest.LogCaptureFixture) -> None
 
 @pytest.mark.usefixtures("package")
 def test_a_body_that_is_not_seen_is_not_a_number() -> None:
-    with closing(MotionCapture(reached(URIS), type="optitrack", hostname="host")) as capture:
+    with closing(bodies("optitrack")) as capture:
         truth = seen(capture)
     assert np.isnan(truth.position).tolist() == [[False] * 3, [True] * 3]
 
 
 @pytest.mark.usefixtures("package")
 def test_a_system_that_ends_is_logged(caplog: pytest.LogCaptureFixture) -> None:
-    with closing(MotionCapture(reached(URIS), type="ending", hostname="host")):
-        assert eventually(lambda: "radio: mocap ended: gone" in caplog.text)
+    with closing(bodies("ending")):
+        assert eventually(lambda: "source 'motioncapture' ended: gone" in caplog.text)
 
 
 @pytest.mark.usefixtures("package")
 def test_closing_ends_the_process_of_a_silent_system(caplog: pytest.LogCaptureFixture) -> None:
-    capture = MotionCapture(reached(URIS), type="silent", hostname="host")
+    capture = bodies("silent")
     for _time in range(2):
         capture.close()
-        assert capture._process.poll() is not None
-        assert not capture._thread.is_alive()
+        assert capture._system._process.poll() is not None
+        assert not capture._system._thread.is_alive()
     assert not caplog.messages
 
 
 @pytest.mark.usefixtures("package")
 def test_the_transport_reports_it() -> None:
-    radio = star_radio.make(reached(URIS), **options(mocap={"type": "vicon", "hostname": "host"}))
+    system = {"source": {"motioncapture": {"type": "vicon", "host": "host"}}}
+    radio = star_radio.make(reached(URIS), **options(mocap=system))
     with closing(radio):
         assert radio.truth() is None
         radio.wait(0.0)
@@ -142,18 +150,18 @@ def test_the_transport_reports_it() -> None:
 
 def test_a_missing_package_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "motioncapture", None)
-    with pytest.raises(PluginError, match="mocap needs the package 'motioncapture': pip install"):
-        MotionCapture(reached(URIS), type="vicon", hostname="host")
+    with pytest.raises(PluginError, match="it needs the package 'motioncapture': pip install"):
+        bodies("vicon")
 
 
 @pytest.mark.usefixtures("package")
 @pytest.mark.parametrize(
     ("kind", "timeout", "problem"),
-    [("broken", 10.0, "no route to host"), ("deaf", 1.0, "no answer in 1 s")],
+    [("broken", 10.0, "no route to host"), ("deaf", 1.0, "no frame in 1 s")],
 )
 def test_a_system_that_cannot_be_reached_is_named(kind: str, timeout: float, problem: str) -> None:
-    with pytest.raises(PluginError, match=f"mocap: no '{kind}' at 'host': {problem}"):
-        MotionCapture(reached(URIS), type=kind, hostname="host", timeout=timeout)
+    with pytest.raises(PluginError, match=f"motion capture: source 'motioncapture': {problem}"):
+        bodies(kind, connect_timeout=timeout)
 
 
 @pytest.mark.campaign

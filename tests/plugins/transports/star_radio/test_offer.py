@@ -206,7 +206,8 @@ def test_packages_that_are_not_installed_are_named(monkeypatch: pytest.MonkeyPat
         return None if name in {"cflib", "motioncapture"} else real_find_spec(name)
 
     monkeypatch.setattr("importlib.util.find_spec", find)
-    assert found(["usb://0"], mocap={"type": "vicon", "hostname": "h"}) == [
+    system = {"source": {"motioncapture": {"type": "vicon", "host": "h"}}}
+    assert found(["usb://0"], mocap=system) == [
         "it needs the package 'cflib': pip install 'star-swarm[radio]'",
         "it needs the package 'motioncapture': pip install motioncapture",
     ]

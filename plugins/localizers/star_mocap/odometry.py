@@ -26,7 +26,7 @@ def expected_std(
     """Return the greatest standard deviation in the plane along paths: (T, N) m.
 
     It is that of the measurements, with what odometry adds in the longest time without one: a walk,
-    and a Gauss-Markov velocity error whose variance grows as in `star_positioning.kernel`. If the
+    and a Gauss-Markov velocity error whose variance grows as in `star_mocap.kernel`. If the
     errors of the measurements are not known, it is that of the start.
 
     Args:

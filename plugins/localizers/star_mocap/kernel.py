@@ -14,7 +14,7 @@ import numpy as np
 
 from star_core import Array, Rows
 from star_core.toolkit import compiled, subroutine
-from star_positioning.odometry import SLIP, SLIP_SHARE, SLIP_TIME, WALK, YAW_WALK
+from star_mocap.odometry import SLIP, SLIP_SHARE, SLIP_TIME, WALK, YAW_WALK
 
 # The state, and columns of the history of reports.
 X, Y, Z, YAW, SLIP_X, SLIP_Y, ERROR = range(7)  # m, m, m, rad, m/s, m/s, and from there 3 x m
@@ -31,17 +31,10 @@ TWO_PI = 2 * math.pi
 
 
 @compiled
-def fuse(
-    state: Array,
-    covariance: Array,
-    history: Array,
-    count: Rows,
-    report: Array,
-    error: Array,
-    fix_agent: Rows,
-    fix: Array,
+def move(
+    state: Array, covariance: Array, history: Array, count: Rows, report: Array, error: Array
 ) -> None:
-    """Move every agent with a new report, then correct those that were measured; in place.
+    """Move every agent with a new report; in place.
 
     Args:
         state: (N, 9) of each agent, map frame.
@@ -50,9 +43,6 @@ def fuse(
         count: (N,) number of its reports so far.
         report: (N, 8) newest report of each agent; NaN where there is none.
         error: (N, 2) standard deviation, m, and correlation time, s, of its measured positions.
-        fix_agent: (K,) row of each measurement, in the order of their times.
-        fix: (K, 8) time, x, y, z, yaw (NaN if not measured), and the standard deviations of
-            position and yaw, and correlation time.
     """
     for i in range(len(state)):
         now = report[i, TIME]
@@ -65,12 +55,59 @@ def fuse(
             _move(state[i], covariance[i], history[i, newest], report[i], error[i])
         history[i, count[i] % HISTORY] = report[i]
         count[i] += 1
+
+
+@compiled
+def correct(
+    state: Array,
+    covariance: Array,
+    history: Array,
+    count: Rows,
+    error: Array,
+    fix_agent: Rows,
+    fix: Array,
+) -> None:
+    """Correct the agents that were measured; in place.
+
+    Args:
+        state: As for `move`, like the next four.
+        covariance: As for `move`.
+        history: As for `move`.
+        count: As for `move`.
+        error: As for `move`.
+        fix_agent: (K,) row of each measurement, in the order of their times.
+        fix: (K, 9) time, x, y, z, yaw (NaN if not measured), the standard deviations of position
+            and yaw, correlation time, and the variance by which an uncertain time adds to the
+            position's, m².
+    """
     gain, column = np.empty(STATES), np.empty(STATES)
     for k in range(len(fix_agent)):
         i = fix_agent[k]
         if count[i] == 0:
             continue
         _correct(state[i], covariance[i], history[i], count[i], error[i], fix[k], gain, column)
+
+
+@compiled
+def positions_at(state: Array, history: Array, count: Rows, time: float) -> Array:
+    """Return where the agents were at a time, s: (N, 3) m; NaN for those without a report.
+
+    A time before all reports in the history counts as that of the first one.
+    """
+    positions = np.full((len(state), 3), np.nan)
+    for i in range(len(state)):
+        if count[i] > 0:
+            newest = (count[i] - 1) % HISTORY
+            oldest = count[i] % HISTORY if count[i] > HISTORY else 0
+            qx, qy, qz, _, _ = _flown_since(
+                history[i], count[i], max(time, history[i, oldest, TIME])
+            )
+            turn = state[i, YAW] - history[i, newest, HEADING]
+            cos, sin = math.cos(turn), math.sin(turn)
+            positions[i, 0] = state[i, X] - (cos * qx - sin * qy)
+            positions[i, 1] = state[i, Y] - (sin * qx + cos * qy)
+            positions[i, 2] = state[i, Z] - qz
+    return positions
 
 
 @subroutine
@@ -144,7 +181,7 @@ def _correct(
         for k in range(STATES):
             column[k] = p[k, axis] + p[k, ERROR + axis] + by_yaw * p[k, YAW] - by_slip * p[k, slip]
         variance = column[axis] + column[ERROR + axis] + by_yaw * column[YAW]
-        variance += FLOOR - by_slip * column[slip]
+        variance += FLOOR + fix[8] - by_slip * column[slip]
         _update(x, p, column, variance, fix[1 + axis] - expected, gain)
     if math.isfinite(fix[4]):
         surprise = (fix[4] - x[YAW] + turned + math.pi) % TWO_PI - math.pi

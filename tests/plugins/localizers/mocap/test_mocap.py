@@ -1,15 +1,15 @@
-"""The localizer ``positioning``, on the simulated positioning system."""
+"""The localizer ``mocap``, on the simulated positioning system."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-import star_positioning
 from star_core import (
     Agent,
     Array,
@@ -24,8 +24,8 @@ from star_core import (
     load,
 )
 from star_core.testing import scene
-from star_core.toolkit import quaternion_from_euler
-from star_positioning.odometry import expected_std
+from star_core.toolkit import fill_defaults, quaternion_from_euler
+from star_mocap.odometry import expected_std
 from tests.plugins.localizers.test_flow import report
 
 MISSION = """\
@@ -35,7 +35,7 @@ world: hall.yaml
 swarm:
 {swarm}
 transport: {{use: sim, positioning: {{{positioning}}}}}
-localizer: positioning
+localizer: {{use: mocap, max_pose_age: 10}}
 planner: straight
 avoider: none
 mission:
@@ -115,10 +115,11 @@ def fix(time: float, position: list[float], *, yaw: float = np.nan) -> PoseFixes
     )
 
 
-def localizer() -> Localizer:
-    (offer,) = star_positioning.star_localizers()
-    room = replace(scene(1), agents=(Agent("cf1", (1.0, 2.0, 0.0)),))
-    return offer.make(room, max_report_age=0.5)
+def localizer(**options: Any) -> Localizer:
+    offer = Registry().find("localizer", "mocap").offer
+    room = replace(scene(1), agents=(Agent("cf1", (1.0, 2.0, 0.8)),))
+    plugin: Localizer = offer.make(room, **fill_defaults(options, offer.options))
+    return plugin
 
 
 def located(plugin: Localizer, fixes: Iterator[PoseFixes]) -> Estimate:

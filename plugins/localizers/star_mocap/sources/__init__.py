@@ -1,0 +1,1 @@
+"""The sources of motion capture that come with STAR, a module each."""

@@ -1,0 +1,187 @@
+"""The latency of measurements that carry no time, by correlating the speeds of two streams."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from star_core import Array, Odometry, PoseFixes
+
+FIRST: Final = 0.03  # s, before it is estimated: a frame or two, and the network
+FIRST_STD: Final = 0.03  # s
+MAX_LATENCY: Final = 0.25  # s
+STEP: Final = 0.005  # s, of the grid on which speeds are compared
+SPAN: Final = 0.1  # s, over which speeds are differences of positions
+WINDOW: Final = 10.0  # s of flight that are compared
+PERIOD: Final = 0.5  # s between two estimates
+MAX_STD: Final = 2e-3  # s of an estimate that is used
+MODEL_STD: Final = 1.5e-3  # s, by which the clocks of the reports differ from each other
+MIN_TIME: Final = 1.5  # s of both streams
+MAX_GAP: Final = 0.15  # s between two samples, above which speeds between them are unknown
+AGENTS: Final = 8  # that are compared, those with the most motion
+
+
+class Latency(NamedTuple):
+    """An estimate.
+
+    Attributes:
+        seconds: From the measurement to its arrival, s.
+        std: Standard deviation, s.
+    """
+
+    seconds: float
+    std: float
+
+
+class TimeOffset:
+    """Estimates the latency that all measurements of a system have in common.
+
+    The speed of an agent by its odometry at t is that by its measurements at t + latency. Both are
+    differences over the same span, so neither lags. The latency with the greatest correlation over
+    the last `WINDOW` counts, by the vertex of a parabola through three steps. Its variance is that
+    of least squares: the variance of what one stream does not explain of the other, over the
+    squares of the slopes, with `SPAN` as the time in which errors are independent.
+
+    Args:
+        agents: Number of agents.
+
+    Attributes:
+        latency: The best estimate so far.
+        known: Whether there is one.
+    """
+
+    def __init__(self, agents: int) -> None:
+        self.latency = Latency(FIRST, FIRST_STD)
+        self.known = False
+        self._paths: list[deque[tuple[float, float]]] = [deque() for _ in range(agents)]
+        self._fixes: list[deque[tuple[float, float, float, float]]] = [
+            deque() for _ in range(agents)
+        ]
+        self._due = 0.0  # s
+
+    def add(self, now: float, odometry: Odometry, fixes: PoseFixes) -> None:
+        """Add the samples of a tick at mission time `now`, s, and estimate if it is time.
+
+        Args:
+            now: s.
+            odometry: New samples.
+            fixes: New measurements, with the agents that they are of, in the order of arrival.
+        """
+        speed = np.linalg.norm(odometry.velocity, axis=1)
+        for row, time, value in zip(
+            odometry.agent.tolist(), odometry.time.tolist(), speed.tolist(), strict=True
+        ):
+            _append(self._paths[row], (time, value))
+        for row, time, point in zip(
+            fixes.agent.tolist(), fixes.arrived.tolist(), fixes.position.tolist(), strict=True
+        ):
+            _append(self._fixes[row], (time, *point))
+        if now >= self._due:
+            self._due = now + PERIOD
+            estimate = self.estimate()
+            if estimate is not None and estimate.std <= max(MAX_STD, self.latency.std):
+                self.latency = Latency(estimate.seconds, math.hypot(estimate.std, MODEL_STD))
+                self.known = True
+
+    def estimate(self) -> Latency | None:
+        """Return an estimate by the last `WINDOW`; None without enough motion."""
+        streams = [
+            pair
+            for path, fixes in zip(self._paths, self._fixes, strict=True)
+            if (pair := _speeds(np.array(path), np.array(fixes))) is not None
+        ]
+        streams.sort(key=lambda pair: -float(np.nanvar(pair[0])))
+        return latency_of(streams[:AGENTS])
+
+
+def latency_of(streams: list[tuple[Array, Array]]) -> Latency | None:
+    """Return the latency between pairs of speeds on a grid of `STEP`; None if it cannot be told.
+
+    Args:
+        streams: Of each agent (T,) speeds by its measurements and by its odometry, at the times of
+            both, m/s; NaN where unknown.
+    """
+    lags = np.arange(-1, round(MAX_LATENCY / STEP) + 2)
+    score = np.zeros(len(lags))
+    for k, lag in enumerate(lags.tolist()):
+        products = squares = others = 0.0
+        for measured, flown in streams:
+            first, second = _shifted(measured, flown, lag)
+            both = np.isfinite(first + second)
+            if np.count_nonzero(both) < MIN_TIME / STEP:
+                continue
+            first, second = first[both] - first[both].mean(), second[both] - second[both].mean()
+            products += float(first @ second)
+            squares += float(first @ first)
+            others += float(second @ second)
+        score[k] = products / math.sqrt(squares * others) if squares * others > 0 else 0.0
+    best = int(np.argmax(score))
+    if not 0 < best < len(lags) - 1 or score[best] <= 0:
+        return None
+    before, top, after = score[best - 1 : best + 2]
+    bend = before - 2 * top + after
+    shift = 0.5 * (before - after) / bend if bend < 0 else 0.0
+    seconds = max(0.0, (lags[best] + shift) * STEP)
+    unexplained = slopes = 0.0
+    for measured, flown in streams:
+        first, second = _shifted(measured, flown, int(lags[best]))
+        slope = np.gradient(second, STEP)
+        both = np.isfinite(first + second + slope)
+        if not both.any():
+            continue
+        first, second = first[both] - first[both].mean(), second[both] - second[both].mean()
+        unexplained += float(((first - second) ** 2).sum())
+        slopes += float((slope[both] ** 2).sum())
+    if slopes == 0.0:
+        return None
+    samples = sum(len(measured) for measured, _ in streams)
+    return Latency(seconds, math.sqrt(unexplained / samples / slopes * (SPAN / STEP)))
+
+
+def _shifted(measured: Array, flown: Array, lag: int) -> tuple[Array, Array]:
+    """Return both streams where one is `lag` steps later than the other."""
+    if lag <= 0:
+        return measured[: len(measured) + lag], flown[-lag:] if lag else flown
+    return measured[lag:], flown[:-lag]
+
+
+def _append(samples: deque[tuple[float, ...]], sample: tuple[float, ...]) -> None:
+    """Add a sample that is newer than the last, and drop what is too old."""
+    if not samples or sample[0] > samples[-1][0]:
+        samples.append(sample)
+    while samples[-1][0] - samples[0][0] > WINDOW:
+        samples.popleft()
+
+
+def _speeds(path: Array, fixes: Array) -> tuple[Array, Array] | None:
+    """Return the speeds of an agent by its measurements and its odometry on one grid, m/s.
+
+    Args:
+        path: (K, 2) times and speeds of odometry.
+        fixes: (M, 4) times and positions.
+    """
+    if len(path) < 2 or len(fixes) < 2:  # noqa: PLR2004 -- for a difference
+        return None
+    begin, end = max(path[0, 0], fixes[0, 0]), min(path[-1, 0], fixes[-1, 0])
+    if end - begin < MIN_TIME + SPAN:
+        return None
+    grid = np.arange(begin + SPAN / 2, end - SPAN / 2, STEP)
+    points = [_interpolated(grid + half, fixes) for half in (-SPAN / 2, SPAN / 2)]
+    measured = np.linalg.norm(points[1] - points[0], axis=1) / SPAN
+    steps = np.diff(path[:, 0]) * (path[1:, 1] + path[:-1, 1]) / 2
+    length = np.column_stack([path[:, 0], np.concatenate([[0.0], np.cumsum(steps)])])
+    ends = [_interpolated(grid + half, length)[:, 0] for half in (-SPAN / 2, SPAN / 2)]
+    return measured, (ends[1] - ends[0]) / SPAN
+
+
+def _interpolated(time: Array, samples: Array) -> Array:
+    """Return (T, D) values at times by samples (K, 1 + D); NaN in gaps between them."""
+    values = np.column_stack(
+        [np.interp(time, samples[:, 0], column) for column in samples[:, 1:].T]
+    )
+    after = np.clip(np.searchsorted(samples[:, 0], time), 1, len(samples) - 1)
+    values[samples[after, 0] - samples[after - 1, 0] > MAX_GAP] = np.nan
+    return values
