@@ -116,7 +116,7 @@ def system_options(registry: Registry) -> dict[str, Any]:
             "description": "Name of each agent's body in the system, if not the agent's own name.",
             "examples": [{"cf1": "Crazyflie 1"}],
         },
-        "position": {
+        "origin": {
             "type": "array",
             "items": {"type": "number"},
             "minItems": 3,

@@ -97,7 +97,7 @@ class MotionCapture:
         bodies = [options["bodies"].get(name, name) for name in scene.names]
         self._rows = {body: row for row, body in enumerate(bodies)}
         turn, self._tilt = math.radians(options["yaw_deg"]), options["up"] == "y"
-        self._frame = Transform(np.array([turn]), np.array([options["position"]], float))
+        self._frame = Transform(np.array([turn]), np.array([options["origin"]], float))
         roll, yaw = (math.pi / 2 if self._tilt else 0.0), turn
         self._turn = quaternion_from_euler(*(np.array([angle]) for angle in (roll, 0.0, yaw)))[0]
         self._clock = CaptureClock()
