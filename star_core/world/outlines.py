@@ -50,26 +50,38 @@ def around_circle(centre: Sequence[float], radius: float) -> tuple[Corner, ...]:
     return tuple((x + reach * math.cos(angle), y + reach * math.sin(angle)) for angle in angles)
 
 
-def wall(points: Iterable[Corner], thickness: float) -> tuple[tuple[Corner, ...], ...]:
+def wall(
+    points: Iterable[Corner], thickness: float, *, flat: bool = False
+) -> tuple[tuple[Corner, ...], ...]:
     """Return one rectangle for each stretch of a wall along `points`.
 
     Each rectangle reaches half a thickness beyond the ends of its stretch, so that corners close.
 
+    Args:
+        points: Along the middle of the wall, m.
+        thickness: m.
+        flat: Whether the wall ends at its first and its last point, if these differ.
+
     >>> wall([(0, 0), (2, 0)], 0.2)
     (((-0.1, -0.1), (2.1, -0.1), (2.1, 0.1), (-0.1, 0.1)),)
+    >>> wall([(0, 0), (2, 0)], 0.2, flat=True)
+    (((0.0, -0.1), (2.0, -0.1), (2.0, 0.1), (0.0, 0.1)),)
     """
     line = list(points)
     half = thickness / 2
+    flat = flat and line[0] != line[-1]
     pieces = []
-    for (ax, ay), (bx, by) in pairwise(line):
+    for i, ((ax, ay), (bx, by)) in enumerate(pairwise(line), start=1):
         length = math.hypot(bx - ax, by - ay)
         ux, uy = (bx - ax) / length * half, (by - ay) / length * half  # along the wall
+        x, y = (0.0, 0.0) if flat and i == 1 else (ux, uy)
+        u, v = (0.0, 0.0) if flat and i == len(line) - 1 else (ux, uy)
         pieces.append(
             (
-                (ax - ux + uy, ay - uy - ux),
-                (bx + ux + uy, by + uy - ux),
-                (bx + ux - uy, by + uy + ux),
-                (ax - ux - uy, ay - uy + ux),
+                (ax - x + uy, ay - y - ux),
+                (bx + u + uy, by + v - ux),
+                (bx + u - uy, by + v + ux),
+                (ax - x - uy, ay - y + ux),
             )
         )
     return tuple(pieces)

@@ -204,6 +204,8 @@ class World:
         name: For records.
         fence: The geofence.
         obstacles: To stay clear of.
+        virtual: Obstacles that are not there: planners lead around them where they can. Agents may
+            start, stand and fly in them.
         landmarks: Tags with known poses, for localizers.
         targets: Tags to be found. Their poses are for simulators only.
     """
@@ -213,6 +215,7 @@ class World:
     obstacles: tuple[Obstacle, ...] = field(default=())
     landmarks: tuple[Tag, ...] = field(default=())
     targets: tuple[Tag, ...] = field(default=())
+    virtual: tuple[Obstacle, ...] = field(default=())
 
     def fault(self, point: Point) -> str | None:
         """Return why no agent can be at `point` (map frame, m), or None if one can.

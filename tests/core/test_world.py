@@ -156,6 +156,35 @@ def test_a_wall_has_a_piece_for_every_stretch() -> None:
     assert len(wall([(0, 0), (1, 0), (1, 1), (2, 1)], 0.1)) == 3
 
 
+def test_flat_walls_end_at_their_points() -> None:
+    line = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0)]
+    flat = Obstacle("flat", wall(line, 0.2, flat=True), (0, 2))
+    assert flat.contains((1.09, -0.09, 1.0))  # a corner closes
+    assert not flat.contains((-0.01, 0.0, 1.0))
+    assert not flat.contains((1.0, 1.01, 1.0))
+    closed = [*line, line[0]]
+    assert wall(closed, 0.2, flat=True) == wall(closed, 0.2)
+
+
+def test_tags_may_lie_in_virtual_obstacles() -> None:
+    text = WORLD + "landmarks: {a: {tags: [0], at: [1.0, 0.9, 0.0]}}\n"
+    with pytest.raises(InputError, match="inside obstacle 'pillar'"):
+        world(Document(parse(text, "w.yaml"), Path("w.yaml")))
+    text = text.replace("height: [0, 2]", "height: [0, 2], virtual: true")
+    room = world(Document(parse(text, "w.yaml"), Path("w.yaml")))
+    assert (room.obstacles, [thing.name for thing in room.virtual]) == ((), ["pillar"])
+    assert room.fault((1.0, 0.9, 1.0)) is None
+
+
+def test_flat_ends_belong_to_polylines_only() -> None:
+    wall_ = "wall: {polyline: [[0, 0], [1, 0]], thickness: 0.2, height: [0, 1], flat_ends: true}"
+    text = WORLD.replace(
+        "pillar: {polygon: [[0.8, 0.8], [1.2, 0.8], [1, 1.2]], height: [0, 2]}", wall_
+    )
+    (obstacle,) = world(Document(parse(text, "w.yaml"), Path("w.yaml"))).obstacles
+    assert not obstacle.contains((-0.01, 0.0, 0.5))
+
+
 # Why no agent can be at a point
 
 

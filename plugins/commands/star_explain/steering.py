@@ -36,7 +36,7 @@ class Steering:
         self._plugins = None
         used = {kind: mission.plugins[kind] for kind in ("planner", "avoider")}
         specs = {kind: registry.find(kind, used[kind].use).offer for kind in used}
-        if scene.world.obstacles and specs["planner"].avoids_obstacles:
+        if (scene.world.obstacles or scene.world.virtual) and specs["planner"].avoids_obstacles:
             self._plugins = tuple(specs[kind].make(scene, **used[kind].options) for kind in used)
 
     def velocity(self, estimate: Estimate, goals: Goals, steered: Mask) -> Array:

@@ -108,8 +108,9 @@ def _world(mission: Mission) -> Iterator[str]:
     size = " by ".join(f"{b - a:g}" for a, b in zip(low, high, strict=True))
     yield f"world {world.name} ({mission.world_file.path})"
     yield f"  fence      {size} m, from {value(low)} to {value(high)}"
-    if world.obstacles:
-        yield f"  obstacles  {', '.join(obstacle.name for obstacle in world.obstacles)}"
+    for kind, obstacles in (("obstacles", world.obstacles), ("virtual", world.virtual)):
+        if obstacles:
+            yield f"  {kind:11}{', '.join(obstacle.name for obstacle in obstacles)}"
     for kind, tags in (("landmarks", world.landmarks), ("targets", world.targets)):
         if tags:
             sheets = dict.fromkeys(tag.of for tag in tags)

@@ -18,6 +18,7 @@ REPLAY_RATE: Final = 10.0  # Hz
 MIN_SHAPE: Final = 0.07  # m, from the middle of a drawn drone to its rotors
 SHAPE_SHARE: Final = 0.02  # of the size of the room, which a drone is at least drawn with
 MARGIN: Final = 0.1  # m, around the geofence
+SOLID, VIRTUAL = 0.55, 0.15  # opacities of obstacles
 
 
 def top_view(run: Run) -> Figure:
@@ -80,14 +81,18 @@ def top_view(run: Run) -> Figure:
             "x0": low[0], "y0": low[1], "x1": high[0], "y1": high[1],
             "line": {"color": FENCE, "dash": "dash"}, "layer": "below",
         },
-        *(_outline(polygon) for obstacle in run.world.obstacles for polygon in obstacle.polygons),
+        *(
+            _outline(polygon, opacity)
+            for obstacle, opacity in _obstacles(run)
+            for polygon in obstacle.polygons
+        ),
     ]  # fmt: skip
     names = [
         {
             "x": point.x, "y": point.y, "text": obstacle.name, "showarrow": False,
             "font": {"size": 10},
         }
-        for obstacle in run.world.obstacles
+        for obstacle, _ in _obstacles(run)
         for point in [shapely.Polygon(obstacle.polygons[0]).representative_point()]
     ]  # fmt: skip
     return {
@@ -120,7 +125,7 @@ def replay(run: Run) -> Figure:
     path = positions(run)[rows]
     low, high = (np.array(corner) for corner in (run.world.fence.low, run.world.fence.high))
     data: list[Figure] = [_fence(low, high)]
-    data += [mesh for obstacle in run.world.obstacles for mesh in _prisms(obstacle)]
+    data += [mesh for some in _obstacles(run) for mesh in _prisms(*some)]
     for tags, paint in ((run.world.landmarks, LANDMARK), (run.world.targets, TARGET)):
         if tags:
             points = np.array([tag.position for tag in tags])
@@ -220,10 +225,16 @@ def _labels(tags: Sequence[Tag]) -> list[str]:
     return names if len(set(names)) == len(names) else [str(tag.id) for tag in tags]
 
 
-def _outline(polygon: Sequence[tuple[float, float]]) -> Figure:
+def _obstacles(run: Run) -> Iterator[tuple[Obstacle, float]]:
+    """Yield the obstacles with their opacities."""
+    yield from ((obstacle, SOLID) for obstacle in run.world.obstacles)
+    yield from ((obstacle, VIRTUAL) for obstacle in run.world.virtual)
+
+
+def _outline(polygon: Sequence[tuple[float, float]], opacity: float) -> Figure:
     corners = " L ".join(f"{x:g},{y:g}" for x, y in polygon)
     return {
-        "type": "path", "path": f"M {corners} Z", "fillcolor": OBSTACLE, "opacity": 0.5,
+        "type": "path", "path": f"M {corners} Z", "fillcolor": OBSTACLE, "opacity": opacity,
         "line": {"color": OBSTACLE}, "layer": "below",
     }  # fmt: skip
 
@@ -242,14 +253,14 @@ def _fence(low: Array, high: Array) -> Figure:
     }
 
 
-def _prisms(obstacle: Obstacle) -> Iterator[Figure]:
+def _prisms(obstacle: Obstacle, opacity: float) -> Iterator[Figure]:
     for vertices, faces in obstacle_meshes(obstacle):
         yield {
             "type": "mesh3d",
             **_xyz(vertices),
             **dict(zip("ijk", faces.T, strict=True)),
             "color": OBSTACLE,
-            "opacity": 0.6,
+            "opacity": opacity,
             "flatshading": True,
             "hovertemplate": f"{obstacle.name}<extra></extra>",
         }

@@ -20,6 +20,7 @@ LANDMARK: Final = (31, 78, 156)
 TARGET: Final = (199, 119, 0)
 LABEL: Final = 0.8  # size of the names, over those of agents
 TAG_THICKNESS: Final = 0.01  # m
+VIRTUAL: Final = 0.15  # opacity of virtual obstacles
 
 
 def add_world(scene: SceneApi, world: World) -> None:
@@ -32,10 +33,13 @@ def add_world(scene: SceneApi, world: World) -> None:
     scene.add_line_segments(
         "/fence", points=edges, colors=FENCE, thickness=1.5, thickness_units="screen"
     )
-    for obstacle in world.obstacles:
+    for obstacle, opacity in (
+        *((obstacle, 0.55) for obstacle in world.obstacles),
+        *((obstacle, VIRTUAL) for obstacle in world.virtual),
+    ):
         for i, (vertices, faces) in enumerate(obstacle_meshes(obstacle)):
             scene.add_mesh_simple(
-                f"/obstacles/{obstacle.name}/{i}", vertices, faces, color=OBSTACLE, opacity=0.55,
+                f"/obstacles/{obstacle.name}/{i}", vertices, faces, color=OBSTACLE, opacity=opacity,
                 flat_shading=True, side="double", cast_shadow=False, receive_shadow=False,
             )  # fmt: skip
         at = shapely.Polygon(obstacle.polygons[0]).representative_point()

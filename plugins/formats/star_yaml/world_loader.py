@@ -32,14 +32,22 @@ def world(document: SourceFile) -> World:
     faults = [*_fence(data), *_obstacles(data), *_offsets(data), *_tags(data)]
     if faults:
         raise InputError(document.located(faults))
+    obstacles = data.get("obstacles", {})
+    solid, virtual = (
+        tuple(
+            obstacle(name, options)
+            for name, options in obstacles.items()
+            if options.get("virtual", False) is kind
+        )
+        for kind in (False, True)
+    )
     made = World(
         name=data["name"],
         fence=Fence(low=point(data["fence"]["low"]), high=point(data["fence"]["high"])),
-        obstacles=tuple(
-            obstacle(name, options) for name, options in data.get("obstacles", {}).items()
-        ),
+        obstacles=solid,
         landmarks=tuple(tag for _, tag in _sheets(data, "landmarks")),
         targets=tuple(tag for _, tag in _sheets(data, "targets")),
+        virtual=virtual,
     )
     if faults := list(_hidden(data, made)):
         raise InputError(document.located(faults))
@@ -183,7 +191,8 @@ def obstacle_faults(options: Mapping[str, Any], fence: Fence | None) -> Iterator
 def _pieces(options: Mapping[str, Any]) -> tuple[tuple[Corner, ...], ...]:
     """The polygons of an obstacle."""
     if "polyline" in options:
-        return wall(_corners(options["polyline"]), options["thickness"])
+        flat = options.get("flat_ends", False)
+        return wall(_corners(options["polyline"]), options["thickness"], flat=flat)
     if "box" in options:
         form = options["box"]
         return (box(form["centre"], form["size"], math.radians(form.get("yaw_deg", 0.0))),)

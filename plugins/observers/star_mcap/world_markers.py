@@ -12,6 +12,7 @@ from star_core.toolkit import box_edges, obstacle_meshes
 from star_mcap.messages import header, kind, point, pose, vector
 
 GREY, GREEN, BLUE, ORANGE = (0.5, 0.5, 0.5), (0.2, 0.6, 0.2), (0.1, 0.3, 0.8), (0.9, 0.5, 0.1)
+FAINT = (0.85, 0.85, 0.85)
 THICKNESS = 0.005  # m: of tags
 TEXT = 0.12  # m: height of letters
 LINE = 0.02  # m: width of lines
@@ -33,13 +34,16 @@ def _markers(scene: Scene) -> Iterator[dict[str, Any]]:
         "points": _points(box_edges(world.fence.low, world.fence.high)),
         "color": GREEN,
     }
-    for obstacle in world.obstacles:
+    for ns, obstacle in (
+        *(("obstacles", obstacle) for obstacle in world.obstacles),
+        *(("virtual_obstacles", obstacle) for obstacle in world.virtual),
+    ):
         yield {
-            "ns": "obstacles",
+            "ns": ns,
             "type": marker.TRIANGLE_LIST,
             "scale": (1.0, 1.0, 1.0),
             "points": _points(_triangles(obstacle)),
-            "color": GREY,
+            "color": GREY if ns == "obstacles" else FAINT,
         }
     for ns, tags, color in (
         ("landmarks", world.landmarks, BLUE),

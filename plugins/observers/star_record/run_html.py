@@ -58,9 +58,10 @@ def _picture(run: Run) -> str:
 
 
 def _obstacles(run: Run) -> Iterator[str]:
-    for obstacle in run.world.obstacles:
-        for outline in obstacle.polygons:
-            yield f"<polygon points='{_points(np.array(outline))}' fill='#bbb'/>"
+    for colour, obstacles in (("#e8e8e8", run.world.virtual), ("#bbb", run.world.obstacles)):
+        for obstacle in obstacles:
+            for outline in obstacle.polygons:
+                yield f"<polygon points='{_points(np.array(outline))}' fill='{colour}'/>"
 
 
 def _tracks(run: Run) -> Iterator[str]:

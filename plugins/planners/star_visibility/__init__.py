@@ -83,7 +83,7 @@ def star_planners() -> Iterable[PlannerSpec]:
     yield PlannerSpec(
         name="visibility",
         summary="Fly the shortest path around, over or under obstacles.",
-        make=deferred("star_visibility.planner:Visibility"),
+        make=deferred("star_visibility.virtual:planner"),
         avoids_obstacles=True,
         options=OPTIONS,
         check=check,

@@ -561,3 +561,36 @@ def test_varying_covariance_does_not_change_the_path() -> None:
         made.plan(with_std(estimate(HERE, time=tick / 20), std), goals(THERE))
         ends.add(tuple(made._tracked.path[0, 0].tolist()))
     assert len(ends) == 1
+
+
+def virtual(*obstacles: Obstacle, solid: tuple[Obstacle, ...] = ()) -> Scene:
+    return replace(scene(1), world=World("room", FENCE, solid, virtual=obstacles))
+
+
+def test_virtual_obstacles_are_flown_around() -> None:
+    space = virtual(BLOCK)
+    aim = goals([(2, 0, 1)])
+    steps = list(flown(planner(space), space, np.array([[-2.0, 0, 1]]), aim, 20))
+    track = [position for position, _ in steps]
+    assert math.dist(track[-1][0], (2, 0, 1)) < 0.05
+    assert clearance(track, BLOCK) > 0.15
+
+
+@pytest.mark.parametrize(("start", "goal"), [((0, 0, 1), (2, 0, 1)), ((2, 0, 1), (0, 0, 1))])
+def test_agents_start_and_end_in_virtual_obstacles(start: Any, goal: Any) -> None:
+    space = virtual(BLOCK)
+    steps = list(flown(planner(space), space, np.array([start], float), goals([goal]), 12))
+    assert math.dist(steps[-1][0][0], goal) < 0.05
+    assert not steps[-1][1].unreachable.any()
+    (offer,) = star_visibility.star_planners()
+    options = fill_defaults({}, offer.options)
+    assert offer.check_goals is not None
+    assert not list(offer.check_goals(space, [goal], **options))
+
+
+def test_solid_obstacles_stay_solid_beside_virtual_ones() -> None:
+    enclosed = Obstacle("room", wall(CLOSED, 0.1), (0.0, 3.0))
+    space = virtual(BLOCK, solid=(enclosed,))
+    steps = list(flown(planner(space), space, np.array([[-4.0, 0, 1]]), goals([(0, 0, 1)]), 3))
+    assert steps[-1][1].unreachable.all()
+    assert "'room'" in steps[-1][1].reasons[0] or "no path" in steps[-1][1].reasons[0]
