@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
@@ -122,12 +122,15 @@ class Reaction:
         steps: One after the other.
         location: In the source, ``file:line:col``.
         at: Its path in the document.
+        first: Whether only the first agent reacts for which the condition holds. The only step is
+            then a `Parallel` with a branch for each agent.
     """
 
     when: Condition
     steps: tuple[Node, ...]
     location: str = ""
     at: tuple[str | int, ...] = ()
+    first: bool = False
 
     @property
     def label(self) -> str:
@@ -142,6 +145,13 @@ class Reaction:
             for row in action.rows:
                 first.setdefault(row, action)
         return first
+
+    def steps_of(self, slots: Collection[int]) -> tuple[Node, ...]:
+        """The steps for some agents, by row."""
+        match self.steps:
+            case (Parallel(branches),) if self.first:
+                return tuple(branches[slot] for slot in slots)
+        return self.steps
 
 
 def nodes(steps: Sequence[Node], *, first: bool = False) -> Iterator[Node]:

@@ -18,7 +18,7 @@ from star_core.execution.step_run import (
 )
 from star_core.messages.commands import Trajectory
 from star_core.messages.state import UNFIT, AgentPhase
-from star_core.mission import Action, Choice, Mission, Node, Parallel, Repeat
+from star_core.mission import Action, Choice, Mission, Node, Parallel, Reaction, Repeat
 from star_core.observers import Observers
 from star_core.plugin_support.guard import Strikes
 from star_core.plugin_support.option_schema import JOIN, LEAVE
@@ -135,7 +135,7 @@ class StepExecutor:
         phase = tick.health.phase
         for number, reaction in list(self._reactions.items()):
             rows = tuple(assignments.holders(range(len(phase))).values())
-            if not self._shared.holds(reaction.when, tick, rows, begun=0.0):
+            if not reaction.first and not self._shared.holds(reaction.when, tick, rows, begun=0.0):
                 continue
             free: dict[int, int] = {}
             for slot, first in reaction.first_actions.items():
@@ -148,6 +148,10 @@ class StepExecutor:
                 fits = before is None or flies == (before == "air")
                 if fits and (assignments.program(slot) or number) >= number:
                     free[slot] = row
+            if reaction.first:
+                free = self._first(reaction, free)
+                if not free:
+                    continue
             if any(phase[row] == AgentPhase.TAKING_OFF for row in free.values()):
                 continue
             del self._reactions[number]
@@ -156,7 +160,14 @@ class StepExecutor:
             self._shared.observers.event("step", text, details={"location": reaction.location})
             if free:
                 assignments.take_over(free, number)
-                self._running.append(self._sequence(reaction.steps))
+                self._running.append(self._sequence(reaction.steps_of(free)))
+
+    def _first(self, reaction: Reaction, free: Mapping[int, int]) -> dict[int, int]:
+        """Return the first of some slots for whose agent the condition of a reaction holds."""
+        for slot, row in free.items():
+            if self._shared.holds(reaction.when, self._tick, (row,), begun=0.0):
+                return {slot: row}
+        return {}
 
     def close(self) -> list[str]:
         """Abort the running steps and close every task; return their errors."""

@@ -461,6 +461,24 @@ def test_the_first_reaction_that_is_listed_goes_before_others(
     assert (["cf1"], first, first + 3, "success") in order(summary)
 
 
+def test_of_a_reaction_for_the_first_only_one_agent_reacts(lab: Lab) -> None:
+    steps = "wait: {seconds: 3}, wait: {seconds: 1}"
+    summary = lab.fly(WAITS, more=reacts(("{time: 0.5}, agents: first", steps)))
+    assert summary["outcome"] == "completed"
+    assert order(summary) == [
+        (["cf1", "cf2"], 0.0, 1.5, "success"),
+        (["cf1"], 0.5, 3.5, "success"),
+        (["cf2"], 1.5, 2.5, "success"),
+        (["cf1"], 3.5, 4.5, "success"),
+    ]
+
+
+def test_the_first_agent_is_one_for_which_the_condition_holds(lab: Lab) -> None:
+    near = "{near: {point: [0, 1, 0], within: 0.6}}, agents: first"
+    summary = lab.fly(WAITS, more=reacts((near, "wait: {seconds: 3}")))
+    assert [step["agents"] for step in summary["steps"]].count(["cf2"]) == 1
+
+
 def test_a_reaction_that_fails_aborts_the_mission(lab: Lab) -> None:
     more = reacts(("{time: 0.5}", "wait: {agents: cf1, seconds: 0.2, fails: no film}"))
     summary = lab.fly(WAITS, more=more)

@@ -17,6 +17,7 @@ from star_core.toolkit import (
     Rehearsal,
     RehearsedStep,
     Repeat,
+    actions,
 )
 from star_explain.origins import Origins
 from star_explain.surroundings import Surroundings
@@ -211,7 +212,16 @@ class _Tree:
         """Return the results of what is done on a condition, as the reaction with this number."""
         if number >= MAX_REACTIONS:
             self._absent = f"not rehearsed: only {MAX_REACTIONS} reactions are"
-        return self._sequence(reaction.steps, title=f"on {reaction.when}", kind="reaction")
+        steps, title = reaction.steps, f"on {reaction.when}"
+        match steps:
+            case (Parallel(branches),) if reaction.first:
+                rehearsed = [
+                    branch
+                    for branch in branches
+                    if any(id(action) in self._origins.rounds for action in actions([branch]))
+                ]
+                steps, title = tuple(rehearsed or branches)[:1], f"{title}: the first agent"
+        return self._sequence(steps, title=title, kind="reaction")
 
     def _sequence(
         self,

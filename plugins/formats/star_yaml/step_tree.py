@@ -31,6 +31,9 @@ from star_yaml.schema import UNKNOWN, Incomplete, Refused
 Groups: TypeAlias = Mapping[str, tuple[int, ...]]
 """Rows by the name of an agent or a group, or ``all``."""
 
+FIRST: Final = "first"
+"""The value of the key ``agents`` of a reaction."""
+
 ALWAYS: Final = AllOf(())
 """The condition of a step for one with a mistake."""
 
@@ -84,12 +87,17 @@ class StepBuilder:
         for i, reaction in enumerate(written if isinstance(written, list) else ()):
             at: Location = ("on", i)
             content = reaction if isinstance(reaction, dict) else {}
+            steps, then = content.get("then"), (*at, "then")
+            first = content.get("agents") == FIRST
             reactions.append(
                 Reaction(
                     when=self._condition(content.get("when"), (*at, "when")) or ALWAYS,
-                    steps=self._steps(content.get("then"), (*at, "then"), self._groups),
+                    steps=(self._for_each(steps, then, self._groups["all"]),)
+                    if first
+                    else self._steps(steps, then, self._groups),
                     location=self._document.location_text(at),
                     at=at,
+                    first=first,
                 )
             )
         return tuple(reactions)
@@ -135,13 +143,14 @@ class StepBuilder:
         return action if is_known else replace(action, known=False)
 
     def _each(self, content: Mapping[str, Any], path: Location, rows: tuple[int, ...]) -> Node:
-        at = (*path, "each")
-        sequences = [
-            Repeat(1, self._steps(content.get("steps"), (*at, "steps"), {"all": (row,)}), at)
-            for row in rows
-        ]
+        return self._for_each(content.get("steps"), (*path, "each", "steps"), rows)
+
+    def _for_each(self, steps: Any, path: Location, rows: tuple[int, ...]) -> Node:
+        """Return the same steps for each of some agents."""
+        at = path[:-1]
+        sequences = [Repeat(1, self._steps(steps, path, {"all": (row,)}), at) for row in rows]
         if not sequences or not sequences[0].steps:
-            return self._unknown(path)
+            return self._unknown(at[:-1])
         return Parallel(tuple(sequences), at, each=True)
 
     def _choice(self, content: Mapping[str, Any], path: Location, groups: Groups) -> Node:
