@@ -8,7 +8,7 @@ FLIGHTS ?= 100
 
 .DEFAULT_GOAL := help
 unexport PYTHONDONTWRITEBYTECODE  # the tests start many processes
-.PHONY: help fly test check generated pictures docs air bench campaign faults link-cuts preflight guardian safe-defaults killed-studies mutants scenarios fuzz soak lowest clean
+.PHONY: help fly test check generated pictures docs air bench campaign faults link-cuts mocap preflight guardian safe-defaults killed-studies mutants scenarios fuzz soak lowest clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 12
@@ -66,6 +66,9 @@ campaign: $(VENV)/.ready  ## the studies of docs/results.md and the tests that t
 	for study in drift paper-table-1 localisation; do $(BIN)/star ablate missions/studies/$$study.yaml; done
 	for topic in covariance search relief coverage; do $(BIN)/python -m tests.campaign.$$topic; done
 	$(BIN)/python benchmarks/downwash.py
+
+mocap: $(VENV)/.ready  ## the tables of docs/mocap.md: flights by motion capture; long
+	$(BIN)/python -m tests.campaign.mocap
 
 preflight: $(VENV)/.ready  ## injected faults that `star preflight` names, and its false alarms (docs/hardware.md); long
 	$(BIN)/python -m tests.campaign.preflight

@@ -32,8 +32,8 @@ BOOT_TIME: Final = 1.0  # s
 BOOT: Final = range(3)  # updates of a supervisor until a vehicle that stands well is ready to fly
 DRAIN: Final = 0.5  # s, after which unread packets are discarded
 
-DRONE_FAULTS: Final = ("motor", "battery", "flow", "gyro", "ranger")
-INJECTED: Final = (*DRONE_FAULTS, "link", "firmware")
+SIMULATED: Final = ("motor", "battery", "flow", "gyro", "ranger", "positioning")
+INJECTED: Final = (*SIMULATED, "link", "firmware")
 """Components of the faults that `Fleet.inject` takes."""
 
 _SUPERVISE: Final = round(PERIOD / CYCLE)
@@ -168,8 +168,8 @@ class Fleet:
             if fault.component not in INJECTED or only_reported or slow:
                 text = f"star fleet simulates no fault {fault.mode!r} of {fault.component!r}"
                 raise InputError(text, "invalid-option")
-        self._faults = [fault for fault in faults if fault.component not in DRONE_FAULTS]
-        self.simulator.inject([fault for fault in faults if fault.component in DRONE_FAULTS])
+        self._faults = [fault for fault in faults if fault.component not in SIMULATED]
+        self.simulator.inject([fault for fault in faults if fault.component in SIMULATED])
 
     def _apply_faults(self, now: float) -> None:
         """Set the faults of the links, and reboot vehicles whose time has come."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
@@ -26,7 +27,7 @@ from star_core.toolkit import shortlist, wrap_angle, yaw_from_quaternion
 from star_mocap.forwarding import Forwarding
 from star_mocap.identities import UNKNOWN, assign, gates
 from star_mocap.kernel import COLUMNS, HISTORY, STATES, YAW, correct, move, positions_at
-from star_mocap.odometry import REPORT_STD, START_STD
+from star_mocap.odometry import LAG_STD, REPORT_STD, START_STD
 from star_mocap.source import MocapSourceSpec
 from star_mocap.time_offset import TimeOffset
 
@@ -34,6 +35,9 @@ if TYPE_CHECKING:
     from star_mocap.system import MapFrame
 
 START_YAW: Final = math.radians(2.0)  # rad, std of its heading
+FIRST_TIME: Final = 1.0  # s of the mission, in which the first measurements arrive
+REPORTED_STD: Final = 5e-3  # s, of a latency that is reported
+LAG_MEMORY: Final = 1.0  # s
 GROUND_AGE: Final = 0.3  # s, of a measurement with which an agent may take off
 
 
@@ -97,6 +101,7 @@ class Mocap:
         self._heading = np.zeros(n)
         self._measured = np.full(n, -np.inf)  # s, of the last measurement
         self._all_seen = False
+        self._velocities: deque[tuple[float, Array]] = deque()  # s, m/s in the map
         self._lost = np.zeros(n, np.bool_)  # agents whose loss was reported
         self._exchanged: Mapping[int, int] = {}  # agents by the labels that they have
         self._offset_reported = False
@@ -141,6 +146,7 @@ class Mocap:
         level = Transform(turn, np.zeros_like(self._reported))
         translation = self._state[:, :3] - level.turn(self._reported)
         velocity = np.where(finite[:, None], level.turn(telemetry.velocity), 0.0)
+        lag = self._lag_variance(telemetry.time, velocity)
         heard = finite & (telemetry.age <= self._max_report_age)
         valid = heard & self._fresh(telemetry, heard)
         late = np.where(heard, telemetry.age, 0.0)
@@ -154,7 +160,8 @@ class Mocap:
             position=self._state[:, :3] + late[:, None] * velocity,
             velocity=velocity,
             yaw=wrap_angle(self._state[:, YAW]),
-            covariance=self._covariance[:, :3, :3] + REPORT_STD**2 * np.eye(3),
+            covariance=self._covariance[:, :3, :3]
+            + (REPORT_STD**2 + lag)[:, None, None] * np.eye(3),
             valid=valid,
             map_from_odom=frames,
             corrections=corrections,
@@ -250,7 +257,7 @@ class Mocap:
         if offset is None or not len(fixes.agent) or np.isfinite(fixes.taken).any():
             return
         offset.add(telemetry.time, telemetry.odometry, fixes)
-        if offset.known and not self._offset_reported:
+        if offset.latency.std <= REPORTED_STD and not self._offset_reported:
             self._offset_reported = True
             seconds, std = offset.latency
             self._messages.append(
@@ -264,6 +271,26 @@ class Mocap:
         lag = np.where(unknown, speed[fixes.agent] * uncertain, 0.0)
         return replace(fixes, taken=np.where(unknown, fixes.arrived - late, fixes.taken)), lag**2
 
+    def _lag_variance(self, now: float, velocity: Array) -> Array:
+        """Return the variance along each axis by the lag of reported velocities: (N,) m².
+
+        Positions are moved on from the last measurement by velocities that lag: they miss the
+        change of velocity since then, for as long as the lag.
+        """
+        self._velocities.append((now, velocity))
+        while now - self._velocities[0][0] > LAG_MEMORY:
+            self._velocities.popleft()
+        times = np.array([time for time, _ in self._velocities])
+        tick = np.searchsorted(times, self._measured, side="right") - 1
+        change = (
+            velocity
+            - np.array([each for _, each in self._velocities])[
+                np.maximum(tick, 0), np.arange(len(velocity))
+            ]
+        )
+        variance: Array = LAG_STD**2 / 3 * np.vecdot(change, change)
+        return variance
+
     def _fresh(self, telemetry: Telemetry, heard: Mask) -> Mask:
         """Return which agents have a new measurement, (N,), and report those that lost theirs."""
         age = telemetry.time - self._measured
@@ -272,7 +299,7 @@ class Mocap:
         fresh = age <= np.where(on_ground, min(GROUND_AGE, longest), longest)
         if not self._all_seen:
             self._all_seen = bool(heard.any() and fresh[heard].all())
-        lost = heard & ~fresh
+        lost = heard & ~fresh & (telemetry.time > FIRST_TIME)
         names = self._scene.names
         if news := [names[row] for row in np.flatnonzero(lost & ~self._lost).tolist()]:
             self._messages.append(f"motion capture measures no pose of {shortlist(news)}")

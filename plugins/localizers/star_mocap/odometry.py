@@ -17,6 +17,7 @@ WALK: Final = 5e-4  # m²/s, noise of the flow sensor, as the on-board filter sm
 YAW_WALK: Final = math.radians(0.3) ** 2  # rad²/s: the gyro's bias and noise
 
 START_STD: Final = 0.05  # m, of an agent's manual placement
+LAG_STD: Final = 0.025  # s, by which horizontal velocities lag: up to 23 ms in the simulator
 REPORT_STD: Final = 0.0015  # m, by the unknown delay of a report: 3 ms at 0.5 m/s
 
 

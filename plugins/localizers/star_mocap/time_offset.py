@@ -8,18 +8,20 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from star_core import Array, Odometry, PoseFixes
+from star_core import Array, Odometry, PoseFixes, Rows
 
 FIRST: Final = 0.03  # s, before it is estimated: a frame or two, and the network
 FIRST_STD: Final = 0.03  # s
 MAX_LATENCY: Final = 0.25  # s
 STEP: Final = 0.005  # s, of the grid on which speeds are compared
-SPAN: Final = 0.1  # s, over which speeds are differences of positions
+SPAN: Final = 0.3  # s, over which speeds are differences of heights
 WINDOW: Final = 10.0  # s of flight that are compared
 PERIOD: Final = 0.5  # s between two estimates
-MAX_STD: Final = 2e-3  # s of an estimate that is used
+MAX_STD: Final = 4e-3  # s of an estimate that is used
 MODEL_STD: Final = 1.5e-3  # s, by which the clocks of the reports differ from each other
 MIN_TIME: Final = 1.5  # s of both streams
+EARLIEST: Final = -0.05  # s, of the search: a peak at 0 needs its neighbours
+MAX_SPEED: Final = 3.0  # m/s; more is an edge that the ranger sees
 MAX_GAP: Final = 0.15  # s between two samples, above which speeds between them are unknown
 AGENTS: Final = 8  # that are compared, those with the most motion
 
@@ -39,27 +41,24 @@ class Latency(NamedTuple):
 class TimeOffset:
     """Estimates the latency that all measurements of a system have in common.
 
-    The speed of an agent by its odometry at t is that by its measurements at t + latency. Both are
-    differences over the same span, so neither lags. The latency with the greatest correlation over
-    the last `WINDOW` counts, by the vertex of a parabola through three steps. Its variance is that
-    of least squares: the variance of what one stream does not explain of the other, over the
-    squares of the slopes, with `SPAN` as the time in which errors are independent.
+    The vertical speed of an agent by its odometry at t is that by its measurements at t + latency.
+    Both are differences of heights over the same span, so neither lags; horizontal speeds of
+    on-board estimators lag, by some 20 ms in the simulator. The latency with the greatest
+    correlation over the last `WINDOW` counts, by the vertex of a parabola through three steps. Its
+    variance is that of least squares: the variance of what one stream does not explain of the
+    other, over the squares of the slopes, with `SPAN` as the time in which errors are independent.
 
     Args:
         agents: Number of agents.
 
     Attributes:
         latency: The best estimate so far.
-        known: Whether there is one.
     """
 
     def __init__(self, agents: int) -> None:
         self.latency = Latency(FIRST, FIRST_STD)
-        self.known = False
-        self._paths: list[deque[tuple[float, float]]] = [deque() for _ in range(agents)]
-        self._fixes: list[deque[tuple[float, float, float, float]]] = [
-            deque() for _ in range(agents)
-        ]
+        self._reported: list[deque[tuple[float, float]]] = [deque() for _ in range(agents)]
+        self._measured: list[deque[tuple[float, float]]] = [deque() for _ in range(agents)]
         self._due = 0.0  # s
 
     def add(self, now: float, odometry: Odometry, fixes: PoseFixes) -> None:
@@ -70,28 +69,20 @@ class TimeOffset:
             odometry: New samples.
             fixes: New measurements, with the agents that they are of, in the order of arrival.
         """
-        speed = np.linalg.norm(odometry.velocity, axis=1)
-        for row, time, value in zip(
-            odometry.agent.tolist(), odometry.time.tolist(), speed.tolist(), strict=True
-        ):
-            _append(self._paths[row], (time, value))
-        for row, time, point in zip(
-            fixes.agent.tolist(), fixes.arrived.tolist(), fixes.position.tolist(), strict=True
-        ):
-            _append(self._fixes[row], (time, *point))
+        _append(self._reported, odometry.agent, odometry.time, odometry.height)
+        _append(self._measured, fixes.agent, fixes.arrived, fixes.position[:, 2])
         if now >= self._due:
             self._due = now + PERIOD
             estimate = self.estimate()
             if estimate is not None and estimate.std <= max(MAX_STD, self.latency.std):
                 self.latency = Latency(estimate.seconds, math.hypot(estimate.std, MODEL_STD))
-                self.known = True
 
     def estimate(self) -> Latency | None:
         """Return an estimate by the last `WINDOW`; None without enough motion."""
         streams = [
             pair
-            for path, fixes in zip(self._paths, self._fixes, strict=True)
-            if (pair := _speeds(np.array(path), np.array(fixes))) is not None
+            for reported, measured in zip(self._reported, self._measured, strict=True)
+            if (pair := _speeds(np.array(measured), np.array(reported))) is not None
         ]
         streams.sort(key=lambda pair: -float(np.nanvar(pair[0])))
         return latency_of(streams[:AGENTS])
@@ -104,7 +95,7 @@ def latency_of(streams: list[tuple[Array, Array]]) -> Latency | None:
         streams: Of each agent (T,) speeds by its measurements and by its odometry, at the times of
             both, m/s; NaN where unknown.
     """
-    lags = np.arange(-1, round(MAX_LATENCY / STEP) + 2)
+    lags = np.arange(round(EARLIEST / STEP), round(MAX_LATENCY / STEP) + 2)
     score = np.zeros(len(lags))
     for k, lag in enumerate(lags.tolist()):
         products = squares = others = 0.0
@@ -120,7 +111,7 @@ def latency_of(streams: list[tuple[Array, Array]]) -> Latency | None:
         score[k] = products / math.sqrt(squares * others) if squares * others > 0 else 0.0
     best = int(np.argmax(score))
     if not 0 < best < len(lags) - 1 or score[best] <= 0:
-        return None
+        return None  # nothing moves, or it is out of range
     before, top, after = score[best - 1 : best + 2]
     bend = before - 2 * top + after
     shift = 0.5 * (before - after) / bend if bend < 0 else 0.0
@@ -148,40 +139,42 @@ def _shifted(measured: Array, flown: Array, lag: int) -> tuple[Array, Array]:
     return measured[lag:], flown[:-lag]
 
 
-def _append(samples: deque[tuple[float, ...]], sample: tuple[float, ...]) -> None:
-    """Add a sample that is newer than the last, and drop what is too old."""
-    if not samples or sample[0] > samples[-1][0]:
-        samples.append(sample)
-    while samples[-1][0] - samples[0][0] > WINDOW:
-        samples.popleft()
+def _append(
+    samples: list[deque[tuple[float, float]]], agent: Rows, time: Array, height: Array
+) -> None:
+    """Add the samples of each agent that are newer than its last, and drop what is too old."""
+    for row, at, value in zip(agent.tolist(), time.tolist(), height.tolist(), strict=True):
+        of_agent = samples[row]
+        if math.isfinite(value) and (not of_agent or at > of_agent[-1][0]):
+            of_agent.append((at, value))
+        while of_agent and of_agent[-1][0] - of_agent[0][0] > WINDOW:
+            of_agent.popleft()
 
 
-def _speeds(path: Array, fixes: Array) -> tuple[Array, Array] | None:
-    """Return the speeds of an agent by its measurements and its odometry on one grid, m/s.
+def _speeds(measured: Array, reported: Array) -> tuple[Array, Array] | None:
+    """Return the vertical speeds of an agent by two series of heights on one grid, m/s.
 
     Args:
-        path: (K, 2) times and speeds of odometry.
-        fixes: (M, 4) times and positions.
+        measured: (K, 2) times and heights.
+        reported: (M, 2) times and heights.
     """
-    if len(path) < 2 or len(fixes) < 2:  # noqa: PLR2004 -- for a difference
+    if len(measured) < 2 or len(reported) < 2:  # noqa: PLR2004 -- for a difference
         return None
-    begin, end = max(path[0, 0], fixes[0, 0]), min(path[-1, 0], fixes[-1, 0])
+    begin, end = max(measured[0, 0], reported[0, 0]), min(measured[-1, 0], reported[-1, 0])
     if end - begin < MIN_TIME + SPAN:
         return None
     grid = np.arange(begin + SPAN / 2, end - SPAN / 2, STEP)
-    points = [_interpolated(grid + half, fixes) for half in (-SPAN / 2, SPAN / 2)]
-    measured = np.linalg.norm(points[1] - points[0], axis=1) / SPAN
-    steps = np.diff(path[:, 0]) * (path[1:, 1] + path[:-1, 1]) / 2
-    length = np.column_stack([path[:, 0], np.concatenate([[0.0], np.cumsum(steps)])])
-    ends = [_interpolated(grid + half, length)[:, 0] for half in (-SPAN / 2, SPAN / 2)]
-    return measured, (ends[1] - ends[0]) / SPAN
+    flown = _rate(grid, reported)
+    return _rate(grid, measured), np.where(np.abs(flown) < MAX_SPEED, flown, np.nan)
 
 
-def _interpolated(time: Array, samples: Array) -> Array:
-    """Return (T, D) values at times by samples (K, 1 + D); NaN in gaps between them."""
-    values = np.column_stack(
-        [np.interp(time, samples[:, 0], column) for column in samples[:, 1:].T]
-    )
-    after = np.clip(np.searchsorted(samples[:, 0], time), 1, len(samples) - 1)
-    values[samples[after, 0] - samples[after - 1, 0] > MAX_GAP] = np.nan
-    return values
+def _rate(time: Array, samples: Array) -> Array:
+    """Return the mean rate of change in `SPAN` about each time, (T,); NaN in gaps of samples."""
+    ends = []
+    for half in (-SPAN / 2, SPAN / 2):
+        at = np.interp(time + half, *samples.T)
+        after = np.clip(np.searchsorted(samples[:, 0], time + half), 1, len(samples) - 1)
+        at[samples[after, 0] - samples[after - 1, 0] > MAX_GAP] = np.nan
+        ends.append(at)
+    rate: Array = (ends[1] - ends[0]) / SPAN
+    return rate

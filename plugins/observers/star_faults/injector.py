@@ -16,8 +16,8 @@ from star_core.toolkit import Fault, InjectsFaults
 from star_faults.links import ReportFaults, SendFaults
 from star_faults.outputs import OutputFaults
 
-IN_DRONES: Final = ("motor", "battery", "flow", "gyro", "ranger")
-"""Components inside of drones: the transport simulates their faults."""
+SIMULATED: Final = ("motor", "battery", "flow", "gyro", "ranger", "positioning")
+"""Components inside of drones, and what measures them: the transport simulates their faults."""
 
 METHODS: Final = {"localizer": "locate", "planner": "plan", "avoider": "avoid", "task": "step"}
 
@@ -115,7 +115,7 @@ class FaultInjector:
 
     def _spoil_transport(self, transport: Any, name: str) -> None:
         """Replace the methods of a transport by ones with faults."""
-        inner = [fault for fault, _ in self._of(*IN_DRONES) if not _only_reported(fault)]
+        inner = [fault for fault, _ in self._of(*SIMULATED) if not _only_reported(fault)]
         if inner and not isinstance(transport, InjectsFaults):
             failing = ", ".join(sorted({fault.component for fault in inner}))
             raise PluginError(f"transport {name!r} simulates no faults of {failing}")

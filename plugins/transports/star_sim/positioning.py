@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
 
-from star_core import PoseFixes
-from star_core.toolkit import quaternion_from_euler, yaw_from_quaternion
+from star_core import Array, PoseFixes, Rows
+from star_core.toolkit import Fault, quaternion_from_euler, yaw_from_quaternion
 from star_sim.airframe import STEP
 from star_sim.drone import Drones
 
 _STREAM: Final = 7337
+_STREAM_OF_SYSTEM: Final = 7339  # of delays, of the order of markers, and of faults
+UNLABELLED: Final = -1
 BLOCK: Final = 64  # measurements whose random numbers are drawn at once
 AXES: Final = 3
 DRAWS: Final = 5  # normal numbers for each measurement: position, heading, dropout
@@ -36,8 +39,12 @@ class Positioning:
         latency: Time until a measurement arrives, s.
         dropout_rate: Mean number of dropouts, 1/s.
         dropout_time: Duration of a dropout, s.
+        jitter: Standard deviation of a further delay, s: the absolute value of a normal number.
+        timestamps: Whether measurements carry their times.
+        markers: Whether they are positions without a name.
 
     Attributes:
+        faults: That are simulated.
         next_step: Number of the step of 2 ms before which the next measurement is taken.
     """
 
@@ -53,6 +60,9 @@ class Positioning:
         latency: float,
         dropout_rate: float,
         dropout_time: float,
+        jitter: float = 0.0,
+        timestamps: bool = True,
+        markers: bool = False,
     ) -> None:
         self._streams = [np.random.default_rng([seed, _STREAM, row]) for row in range(agents)]
         self._std, self._correlation_time = std, correlation_time
@@ -66,6 +76,10 @@ class Positioning:
         self._draws = np.zeros((agents, BLOCK, DRAWS))
         self._taken = 0  # measurements of each drone so far
         self._sent: deque[tuple[float, PoseFixes]] = deque()  # time of arrival, s
+        self._random = np.random.default_rng([seed, _STREAM_OF_SYSTEM])
+        self._jitter, self._timestamps, self._markers = jitter, timestamps, markers
+        self._arrives = 0.0  # s, when the last measurement does
+        self.faults: Sequence[Fault] = ()
         self.next_step = 0
 
     def take(self, drones: Drones, step: int) -> None:
@@ -88,26 +102,57 @@ class Positioning:
         self._dropped_until = np.where(
             begins & (self._dropped_until <= now), now + self._dropout_time, self._dropped_until
         )
-        rows = np.flatnonzero(self._dropped_until <= now)
+        rows, offset = self._seen(np.flatnonzero(self._dropped_until <= now), now)
         if not len(rows):
             return
         column = np.ones(len(rows))
         attitude, yaw_std = np.full((len(rows), 4), np.nan), 0.0
-        if self._yaw_std is not None:
+        if self._yaw_std is not None and not self._markers:
             yaw_std = self._yaw_std
             yaw = yaw_from_quaternion(drones["attitude"][rows]) + yaw_std * draws[rows, 3]
             attitude = quaternion_from_euler(0 * yaw, 0 * yaw, yaw)
+        late = self._latency
+        if self._jitter:
+            late += abs(self._jitter * self._random.standard_normal())
+        self._arrives = max(self._arrives, now + late)
         fixes = PoseFixes(
-            agent=rows,
-            taken=now * column,
-            arrived=(now + self._latency) * column,
-            position=drones["position"][rows] + self._error[rows],
+            agent=self._labels(rows, now),
+            taken=(now if self._timestamps else np.nan) * column,
+            arrived=self._arrives * column,
+            position=drones["position"][rows] + self._error[rows] + offset,
             attitude=attitude,
             position_std=self._std * column,
             attitude_std=yaw_std * column,
             correlation_time=self._correlation_time * column,
         )
-        self._sent.append((now + self._latency, fixes))
+        self._sent.append((self._arrives, fixes))
+
+    def _seen(self, rows: Rows, now: float) -> tuple[Rows, Array]:
+        """Return the rows that are measured, (K,), and by how much wrongly, (K, 3) m."""
+        offset = np.zeros((len(self._error), 3))
+        for fault in self.faults:
+            failing = list(fault.rows(now))
+            if fault.mode == "off":
+                rows = np.setdiff1d(rows, failing)
+            elif fault.mode == "intermittent":
+                lost = self._random.random(len(failing)) < fault.values["loss"]
+                rows = np.setdiff1d(rows, np.array(failing, int)[lost])
+            elif not fault.values["swap"]:
+                offset[failing] += fault.values["offset"]
+        if self._markers:
+            rows = self._random.permutation(rows)
+        return rows, offset[rows]
+
+    def _labels(self, rows: Rows, now: float) -> Rows:
+        """Return the rows whose names the measurements have."""
+        if self._markers:
+            return np.full(len(rows), UNLABELLED)
+        labels = np.arange(len(self._error))
+        for fault in self.faults:
+            if fault.mode == "wrong" and fault.values["swap"] and (failing := fault.rows(now)):
+                labels[list(failing)] = np.roll(labels[list(failing)], -1)
+        named: Rows = labels[rows]
+        return named
 
     def arrived(self, now: float) -> PoseFixes:
         """Return the measurements that arrived until `now`, s, since the last call."""

@@ -38,6 +38,24 @@ OPTIONS: dict[str, Any] = {
         "latency": number(
             "Time from a measurement to its arrival, s.", minimum=0, maximum=2, default=0.02
         ),
+        "jitter": number(
+            "Standard deviation of further delay, which differs from one measurement to the next, "
+            "s.",
+            minimum=0,
+            maximum=1,
+            default=0.0,
+        ),
+        "timestamps": {
+            "type": "boolean",
+            "default": True,
+            "description": "Whether measurements carry their times.",
+        },
+        "markers": {
+            "type": "boolean",
+            "default": False,
+            "description": "Whether the system sees one marker on each drone, without a name or a "
+            "heading.",
+        },
         "dropout_rate": number(
             "Mean number of dropouts of each drone, 1/s.", minimum=0, maximum=100, default=0.0
         ),

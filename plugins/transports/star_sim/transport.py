@@ -18,6 +18,7 @@ from star_core import (
     Frames,
     Odometry,
     Order,
+    PluginError,
     PoseFixes,
     Scene,
     Setpoint,
@@ -176,8 +177,18 @@ class Simulator:
         self.receive()
 
     def inject(self, faults: Sequence[Fault]) -> None:
-        """Simulate faults of motors, batteries and sensors from now on."""
-        self._faults = DroneFaults(self.drones, faults, self._scene.seed, noise=self._noise)
+        """Simulate faults of motors, batteries, sensors and positioning from now on.
+
+        Raises:
+            PluginError: There is no positioning system, or no noise; see `DroneFaults`.
+        """
+        measuring = [fault for fault in faults if fault.component == "positioning"]
+        if self._positioning is not None:
+            self._positioning.faults = measuring
+        elif measuring:
+            raise PluginError("simulates no faults of positioning without the option `positioning`")
+        others = [fault for fault in faults if fault.component != "positioning"]
+        self._faults = DroneFaults(self.drones, others, self._scene.seed, noise=self._noise)
 
     def upload(self, trajectories: Sequence[Trajectory]) -> None:
         """Store trajectories for later commands."""
@@ -238,9 +249,6 @@ class Simulator:
         frames, detections = Frames.none(), Detections.none()
         if self._cameras is not None:
             frames, detections = self._cameras.arrived(now)
-        fixes = PoseFixes.none()
-        if self._positioning is not None:
-            fixes = self._positioning.arrived(now)
         return Telemetry(
             time=self._step // STEPS_PER_CYCLE * STEPS_PER_CYCLE * STEP,
             position=frozen(position),
@@ -252,10 +260,16 @@ class Simulator:
             odometry=odometry,
             frames=frames,
             detections=detections,
-            fixes=fixes,
+            fixes=self.fixes(),
             lands_by=frozen(self._lands_by.copy()),
             specific_force=frozen(force),
         )
+
+    def fixes(self) -> PoseFixes:
+        """Return what the positioning system has measured, and has arrived since the last call."""
+        if self._positioning is None:
+            return PoseFixes.none()
+        return self._positioning.arrived(self._step * STEP)
 
     def command(self, command: Command) -> None:
         if command.trajectory is not None and command.trajectory not in self._uploaded:

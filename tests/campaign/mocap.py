@@ -1,0 +1,288 @@
+"""Flights by motion capture: accuracy, latencies, markers without names, and what a system loses.
+
+``make mocap`` prints the tables of docs/mocap.md. Flights in simulation begin with seed 1000. Those
+over ``star fleet`` are in real time, by the radio transport and the fleet's NatNet server, which
+the package ``natnet`` reads in the process of localizer ``mocap``'s source.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from io import StringIO
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from star_core import AgentPhase, Registry, Tick, fly, hookimpl, load
+from star_faults.fault_file import faults_of
+from star_faults.injector import FaultInjector
+
+SEED = 1000
+MISSION = Path(__file__).parents[2] / "missions" / "motion_capture.yaml"
+LATENCIES = (0.0, 0.02, 0.04, 0.06, 0.08, 0.1, 0.12)  # s
+BEGINS = 3.5  # s, of a fault: in flight
+APART = 0.4  # m, at which two drones pass
+NEAR = 0.15  # m, within which an estimate is of the right drone
+ON_FLOOR = 0.05  # m
+
+WORLD = "star: 1\nname: hall\nfence: {low: [-3, -3, 0], high: [3, 3, 3]}\n"
+FLIGHT = """\
+star: 1
+name: flight
+world: hall.yaml
+swarm:
+  cf1: {{start: [-1, {low}, 0]}}
+  cf2: {{start: [{x}, {high}, 0]}}
+safety: {{position_lost: {{after: 0.5, then: land}}}}
+transport: {{use: sim, positioning: {{rate: 100, std: 0.002, latency: 0.02, jitter: 0.003{more}}}}}
+localizer: mocap
+planner: straight
+avoider: none
+mission:
+  - takeoff: {{height: 0.8}}
+  - goto: {{agents: cf1, by: [2, 0, 0]}}
+  - land: {{}}
+"""
+PASSING = FLIGHT.replace(
+    "  - goto: {{agents: cf1, by: [2, 0, 0]}}\n",
+    "  - parallel:\n      - goto: {{agents: cf1, by: [2, 0, 0]}}\n"
+    "      - goto: {{agents: cf2, by: [-2, 0, 0]}}\n",
+)
+
+
+class Flown(NamedTuple):
+    """A flight.
+
+    Attributes:
+        seed: Of the flight.
+        summary: Of the flight.
+        worst: Greatest distance of an estimate from the truth, m, in the air.
+        highest: Greatest true height, m.
+        gaps: Ticks in which an agent in the air was not located.
+    """
+
+    seed: int
+    summary: dict[str, Any]
+    worst: float
+    highest: float
+    gaps: int
+
+    @property
+    def completed(self) -> bool:
+        return bool(self.summary["outcome"] == "completed")
+
+    def when(self, *words: str) -> float:
+        """Return when an event with some words happened first, s; infinite if it did not."""
+        times = (
+            event["time"]
+            for event in self.summary["events"]
+            if all(word in event["text"] for word in words)
+        )
+        return min(times, default=np.inf)
+
+
+class Watch:
+    """Compares estimates with the truth."""
+
+    def __init__(self) -> None:
+        self.worst = self.highest = 0.0
+        self.gaps = 0
+
+    @hookimpl
+    def star_ticked(self, tick: Tick) -> None:
+        if tick.truth is None:
+            return
+        height = tick.truth.position[:, 2]
+        self.highest = max(self.highest, float(height.max()))
+        flying = tick.health.phase == AgentPhase.FLYING
+        error = np.linalg.norm(tick.estimate.position - tick.truth.position, axis=1)
+        self.worst = max(self.worst, float(error.max(initial=0.0, where=flying)))
+        self.gaps += int(np.count_nonzero(flying & ~tick.estimate.valid))
+
+
+def flown(
+    path: Path, seed: int, assignments: Sequence[str] = (), faults: Sequence[Any] = ()
+) -> Flown:
+    """Fly a mission in simulation with some faults, in the form of a fault file."""
+    watch, registry = Watch(), Registry()
+    mission = load(path, registry, [f"seed={seed}", *assignments])
+    plugins: list[object] = [watch]
+    if faults:
+        made = faults_of(list(faults), mission.scene)
+        plugins.append(FaultInjector(mission.scene, made))
+    registry = Registry(*plugins)
+    summary = fly(load(path, registry, [f"seed={seed}", *assignments]), registry)
+    return Flown(seed, summary, watch.worst, watch.highest, watch.gaps)
+
+
+def written(folder: Path, text: str, *, more: str = "", apart: float = 1.0, x: float = -1) -> Path:
+    """Write a mission of two drones at a distance along y, m, and return its path."""
+    (folder / "hall.yaml").write_text(WORLD, encoding="utf-8")
+    path = folder / "flight.yaml"
+    path.write_text(text.format(more=more, low=-apart / 2, high=apart / 2, x=x), encoding="utf-8")
+    return path
+
+
+def passing(seed: int) -> bool:
+    """Return whether two drones with a marker each keep their identities when they pass."""
+    with TemporaryDirectory() as folder:
+        more = ", markers: true, dropout_rate: 0.2, dropout_time: 0.1"
+        flight = flown(written(Path(folder), PASSING, more=more, apart=APART, x=1.0), seed)
+    return flight.completed and flight.worst < NEAR
+
+
+def latency_error(seed: int, latency: float) -> float:
+    """Return the error of the estimated latency at the end of a flight, s."""
+    from star_mocap.localizer import Mocap
+
+    made: list[Mocap] = []
+    original = Mocap.__init__
+
+    def kept(self: Mocap, *arguments: Any, **options: Any) -> None:
+        original(self, *arguments, **options)
+        made.append(self)
+
+    Mocap.__init__ = kept  # type: ignore[method-assign]  # the only way to its estimate
+    try:
+        flown(
+            MISSION,
+            seed,
+            [
+                "transport.positioning.timestamps=false",
+                f"transport.positioning.latency={latency}",
+                "transport.positioning.jitter=0",
+            ],
+        )
+    finally:
+        Mocap.__init__ = original  # type: ignore[method-assign]
+    offset = made[-1]._offset
+    assert offset is not None
+    return float(offset.latency.seconds) - latency
+
+
+def lost(seed: int, seconds: float) -> Flown:
+    """Return a flight in which the body of cf1 is lost for some seconds."""
+    fault = {"component": "positioning", "mode": "off", "at": BEGINS, "agents": "cf1"}
+    with TemporaryDirectory() as folder:
+        return flown(written(Path(folder), FLIGHT), seed, (), [{**fault, "for": seconds}])
+
+
+def brief_loss(seed: int) -> bool:
+    """Whether an agent flies on by odometry while its body is lost for 0.3 s."""
+    flight = lost(seed, 0.3)
+    return flight.completed and flight.gaps == 0 and flight.worst < NEAR
+
+
+def long_loss(seed: int) -> bool:
+    """Whether an agent whose body is lost is landed by `position_lost` within 1.1 s."""
+    flight = lost(seed, 60.0)
+    reacted = flight.when("cf1", "position_lost") - BEGINS
+    return 0.9 <= reacted <= 1.1 and flight.summary["collisions"]["agent_agent"] == 0
+
+
+def exchange(seed: int) -> bool:
+    """Whether exchanged bodies are noticed within 0.5 s, and the flight goes on."""
+    fault = {"component": "positioning", "mode": "wrong", "swap": True, "at": BEGINS}
+    with TemporaryDirectory() as folder:
+        flight = flown(written(Path(folder), FLIGHT), seed, (), [fault])
+    noticed = flight.when("exchanges bodies") - BEGINS
+    return noticed <= 0.5 and flight.completed and flight.worst < NEAR
+
+
+def unmeasured(seed: int) -> bool:
+    """Whether no agent takes off while one of them has no poses."""
+    fault = {"component": "positioning", "mode": "off", "agents": "cf2"}
+    with TemporaryDirectory() as folder:
+        flight = flown(written(Path(folder), FLIGHT), seed, (), [fault])
+    return not flight.completed and flight.highest < ON_FLOOR
+
+
+class Accuracy(NamedTuple):
+    """Of a flight of the mission: RMS and worst error, m, and NEES."""
+
+    rms: float
+    worst: float
+    nees: float
+
+
+def accuracy(seed: int, assignments: Sequence[str] = ()) -> Accuracy:
+    """Fly the mission and return its figures."""
+    summary = flown(MISSION, seed, assignments).summary
+    assert summary["outcome"] == "completed", summary["reason"]
+    return Accuracy(*(float(summary[f"position_{key}"]) for key in ("rmse_m", "worst_m", "nees")))
+
+
+LOSSES: dict[str, Callable[[int], bool]] = {
+    "a body is lost for 0.3 s: flies on by odometry": brief_loss,
+    "a body is lost: `position_lost` 1 s later": long_loss,
+    "bodies are exchanged: noticed within 0.5 s": exchange,
+    "a body is never measured: no take-off": unmeasured,
+}
+
+
+def counted(title: str, results: Iterable[bool], flights: int) -> None:
+    """Print how many of some flights are as they should be."""
+    good = sum(results)
+    print(f"| {title} | {good} of {flights} |", flush=True)
+
+
+def main() -> None:
+    """Print the tables of docs/mocap.md."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--flights", type=int, default=30, help="of each kind; %(default)s")
+    parser.add_argument("--passing", type=int, default=300, help="flights; %(default)s")
+    parser.add_argument("--only", choices=("accuracy", "latency", "passing", "losses"), nargs="+")
+    parser.add_argument("--processes", type=int, default=1, help="%(default)s")
+    options = parser.parse_args()
+    only = options.only or ["accuracy", "latency", "passing", "losses"]
+    seeds = range(SEED, SEED + options.flights)
+    with ProcessPoolExecutor(options.processes, initializer=_silent) as pool:
+        if "accuracy" in only:
+            _accuracy(pool, seeds)
+        if "latency" in only:
+            _latencies(pool, seeds)
+        if "passing" in only:
+            many = range(SEED, SEED + options.passing)
+            counted(
+                "two drones with a marker each pass at 0.4 m", pool.map(passing, many), len(many)
+            )
+        if "losses" in only:
+            for title, holds in LOSSES.items():
+                counted(f"{title}, in simulation", pool.map(holds, seeds), len(seeds))
+
+
+def _accuracy(pool: ProcessPoolExecutor, seeds: Sequence[int]) -> None:
+    print("| forwarded | RMS (worst flight), mm | worst, mm | NEES (flights) |\n|---|---|---|---|")
+    for forward in ("none", "extpos", "extpose"):
+        fly_one = partial(accuracy, assignments=(f"localizer.forward={forward}",))
+        flights = np.array(list(pool.map(fly_one, seeds)))
+        rms = np.sqrt(np.mean(flights[:, 0] ** 2))
+        print(
+            f"| `{forward}` | {1e3 * rms:.1f} ({1e3 * flights[:, 0].max():.1f}) "
+            f"| {1e3 * flights[:, 1].max():.1f} | {flights[:, 2].mean():.2f} "
+            f"({flights[:, 2].min():.2f}-{flights[:, 2].max():.2f}) |",
+            flush=True,
+        )
+
+
+def _latencies(pool: ProcessPoolExecutor, seeds: Sequence[int]) -> None:
+    print("| injected, ms | error, RMS, ms | worst, ms |\n|---|---|---|")
+    for latency in LATENCIES:
+        errors = 1e3 * np.array(list(pool.map(partial(latency_error, latency=latency), seeds)))
+        rms = np.sqrt(np.mean(errors**2))
+        print(f"| {1e3 * latency:.0f} | {rms:.1f} | {np.abs(errors).max():.1f} |", flush=True)
+
+
+def _silent() -> None:
+    """Drop what flights report on stderr."""
+    sys.stderr = StringIO()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,32 @@
+"""Simulated flights by motion capture: some of those of `tests.campaign.mocap`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+
+from tests.campaign import mocap
+
+SEED = mocap.SEED + 500
+
+
+@pytest.mark.parametrize("holds", mocap.LOSSES.values(), ids=list(mocap.LOSSES))
+def test_what_a_system_loses_is_noticed(holds: Callable[[int], bool]) -> None:
+    assert holds(SEED)
+
+
+def test_drones_with_a_marker_each_keep_their_identities() -> None:
+    assert mocap.passing(SEED)
+
+
+@pytest.mark.parametrize("latency", [0.0, 0.06, 0.12])
+def test_the_latency_is_estimated_within_five_milliseconds(latency: float) -> None:
+    assert abs(mocap.latency_error(SEED, latency)) <= 0.005
+
+
+@pytest.mark.parametrize("forward", ["none", "extpos", "extpose"])
+def test_positions_are_within_a_centimetre(forward: str) -> None:
+    flight = mocap.accuracy(SEED, [f"localizer.forward={forward}"])
+    assert flight.rms <= 0.01
+    assert 0.5 <= flight.nees <= 2.0
