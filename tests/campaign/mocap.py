@@ -22,7 +22,9 @@ import numpy as np
 from star_core import AgentPhase, Registry, Tick, fly, hookimpl, load
 from star_faults.fault_file import faults_of
 from star_faults.injector import FaultInjector
+from tests.campaign import mocap_fleet
 
+TABLES = ("accuracy", "latency", "passing", "losses", "fleet")
 SEED = 1000
 MISSION = Path(__file__).parents[2] / "missions" / "motion_capture.yaml"
 LATENCIES = (0.0, 0.02, 0.04, 0.06, 0.08, 0.1, 0.12)  # s
@@ -237,10 +239,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--flights", type=int, default=30, help="of each kind; %(default)s")
     parser.add_argument("--passing", type=int, default=300, help="flights; %(default)s")
-    parser.add_argument("--only", choices=("accuracy", "latency", "passing", "losses"), nargs="+")
+    parser.add_argument("--only", choices=TABLES, nargs="+")
     parser.add_argument("--processes", type=int, default=1, help="%(default)s")
     options = parser.parse_args()
-    only = options.only or ["accuracy", "latency", "passing", "losses"]
+    only = options.only or TABLES
     seeds = range(SEED, SEED + options.flights)
     with ProcessPoolExecutor(options.processes, initializer=_silent) as pool:
         if "accuracy" in only:
@@ -255,6 +257,9 @@ def main() -> None:
         if "losses" in only:
             for title, holds in LOSSES.items():
                 counted(f"{title}, in simulation", pool.map(holds, seeds), len(seeds))
+        if "fleet" in only:
+            for title, holds in mocap_fleet.LOSSES.items():
+                counted(f"{title}, over `star fleet`", pool.map(holds, seeds), len(seeds))
 
 
 def _accuracy(pool: ProcessPoolExecutor, seeds: Sequence[int]) -> None:

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from star_fleet.server import Fleet
 
 LAST_PORT = 65535
+MOTION_CAPTURE = {"std": 0.002, "rate": 100.0, "latency": 0.02, "yaw_std_deg": 0.5}
 CAMERAS = 5000
 """Default port of the first camera, as on an AI-deck."""
 
@@ -54,7 +55,9 @@ def run(options: argparse.Namespace, registry: Registry) -> int:
                 arms_itself=not options.brushless,
                 link_timeout=options.link_timeout or math.inf,
                 conditions=conditions,
-                **_of_simulator(mission, render=cameras is not None),
+                **_of_simulator(
+                    mission, render=cameras is not None, capture=options.mocap is not None
+                ),
             )
         opened.callback(fleet.close)
         if options.faults:
@@ -73,6 +76,14 @@ def run(options: argparse.Namespace, registry: Registry) -> int:
             opened.callback(wifi.close)
             for row, address in wifi.cameras.items():
                 more.setdefault(row, []).append(f"camera {address}")
+        if options.mocap is not None:
+            from star_fleet.natnet import NatNetServer
+
+            with _port_errors("--mocap", options.mocap):
+                capture = NatNetServer(scene.names, host, options.mocap)
+            opened.callback(capture.close)
+            fleet.capture(capture.serve)
+            sys.stdout.write(f"motion capture: natnet at {host}, command_port {capture.port}\n")
         with _until_interrupted(fleet):
             for row, (agent, uri) in enumerate(zip(agents, fleet.addresses, strict=True)):
                 sys.stdout.write("  ".join([agent.name, uri, *more.get(row, ())]) + "\n")
@@ -102,6 +113,13 @@ def configure(line: argparse.ArgumentParser) -> None:
         type=_port,
         metavar="N",
         help="also serve the links as CPX over TCP, from port N on; 0 selects free ports",
+    )
+    line.add_argument(
+        "--mocap",
+        type=_port,
+        metavar="N",
+        help="also serve the positions of the mission's simulated `positioning` by NatNet 3.1 "
+        "(unicast), as OptiTrack's Motive does, with command port N; 0 selects a free one",
     )
     decks = line.add_mutually_exclusive_group()
     decks.add_argument(
@@ -203,15 +221,19 @@ def _port_errors(flag: str, port: int, instead: str = "") -> Iterator[None]:
         raise InputError(f"{flag} {port}: {error.message}; {other}", code) from error
 
 
-def _of_simulator(mission: Mission, *, render: bool) -> dict[str, Any]:
+def _of_simulator(mission: Mission, *, render: bool, capture: bool) -> dict[str, Any]:
     """Return the simulator's arguments for the mission, the defaults for another transport.
 
     Args:
         mission: The mission.
         render: Whether cameras are streamed; they are then rendered, whatever the mission's mode.
+        capture: Whether there is motion capture: `MOTION_CAPTURE`, if the mission has no other.
     """
     choice = mission.plugins["transport"]
-    options = fill_defaults(choice.options if choice.use == "sim" else {}, OPTIONS)
+    chosen = choice.options if choice.use == "sim" else {}
+    if capture:
+        chosen = {"positioning": MOTION_CAPTURE, **chosen}
+    options = fill_defaults(chosen, OPTIONS)
     options["camera"] = {**options.get("camera", {}), "mode": "rendered" if render else "off"}
     del options["speed"]  # the fleet's own
     return simulator_arguments(**options)

@@ -77,6 +77,8 @@ PARAMETERS: Final = (
     Parameter("kalman.initialZ", FLOAT),
     Parameter("kalman.initialYaw", FLOAT),
     Parameter("led.bitmask", U8),
+    Parameter("lighthouse.enableEst", U8 | EXTENDED, 1),
+    Parameter("loco.enableEst", U8 | EXTENDED, 1),
     Parameter("locSrv.extPosStdDev", FLOAT, 0.01),
     Parameter("locSrv.extQuatStdDev", FLOAT, 4.5e-3),
     Parameter("motion.disable", U8),

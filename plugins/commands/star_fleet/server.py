@@ -13,7 +13,7 @@ from typing import Any, Final, Self, TypeAlias
 
 import numpy as np
 
-from star_core import Agent, Frames, Image, InputError, PluginError, Scene
+from star_core import Agent, Frames, Image, InputError, PluginError, PoseFixes, Scene
 from star_core.toolkit import Fault
 from star_fleet.conditions import NONE, Condition, Conditions, prepare
 from star_fleet.craft import Craft
@@ -39,6 +39,9 @@ INJECTED: Final = (*SIMULATED, "link", "firmware")
 _SUPERVISE: Final = round(PERIOD / CYCLE)
 _DRAIN: Final = round(DRAIN / CYCLE)
 
+
+Capture: TypeAlias = Callable[[PoseFixes, float], object]
+"""Receives what the positioning system has measured, in each cycle, and the time, s."""
 
 Watcher: TypeAlias = tuple[Callable[[Image, float], object], Callable[[], bool]]
 """Receives an image and the time of its exposure, s; and whether it needs images."""
@@ -116,6 +119,7 @@ class Fleet:
         """Seconds spent other than waiting for packets or time."""
         self._faults: list[Fault] = []
         self._watchers: dict[int, list[Watcher]] = {}
+        self._captures: list[Capture] = []
         self._saw = False
         self._cycle = 0
         self._info = np.zeros(len(scene.agents), np.int64)
@@ -211,6 +215,11 @@ class Fleet:
         with self._lock:
             self._watchers.setdefault(row, []).append((show, enabled))
 
+    def capture(self, receive: Capture) -> None:
+        """Call `receive` in each cycle with what the simulator's positioning system measured."""
+        with self._lock:
+            self._captures.append(receive)
+
     def watched(self, row: int) -> bool:
         """Whether the images of a vehicle's camera are needed."""
         return any(enabled() for _, enabled in self._watchers.get(row, ()))
@@ -227,6 +236,7 @@ class Fleet:
                 self._supervise(now)
             readings = Readings(self.simulator, self._info, self._conditions)
             streamed = [vehicle.advance(readings, now) for vehicle in self.vehicles]
+            self._measure(now)
             saw, self._saw = self._saw, any(map(self.watched, self._watchers))
             frames = Frames.none()
             if self._saw or self._cycle % _DRAIN == 0:
@@ -245,6 +255,12 @@ class Fleet:
             shown = np.zeros_like(image) if Condition.DARK_IMAGES in conditions else image
             for show, _ in self._watchers.get(row, ()):
                 show(shown, taken)
+
+    def _measure(self, now: float) -> None:
+        """Pass on what the positioning system has measured."""
+        fixes = self.simulator.fixes() if self._captures else PoseFixes.none()
+        for receive in self._captures:
+            receive(fixes, now)
 
     def serve(self, until: float | None = None) -> None:
         """Answer packets and let time pass, until `until`, s of simulated time, or `stop`."""

@@ -288,7 +288,8 @@ class Vehicle:
         if name != "kalman.resetEstimation" or not self._parameters[name]:
             return
         x, y, yaw = (self._parameters[f"kalman.initial{axis}"] for axis in ("X", "Y", "Yaw"))
-        if Condition.LIGHTHOUSE in self._conditions:
+        lighthouse = Condition.LIGHTHOUSE in self._conditions
+        if lighthouse and self._parameters["lighthouse.enableEst"]:
             self._craft.begin_estimate_in_map()
         elif sound([x, y, yaw]):
             self._craft.begin_estimate(x, y, math.remainder(yaw, math.tau))

@@ -27,7 +27,7 @@ def mock(
     began = time.monotonic()
     for k in itertools.count():
         time.sleep(max(0.0, began + k / rate - time.monotonic()))
-        angle = math.tau * k / rate / period
+        angle = math.tau * k / rate / period if radius else 0.0
         ahead, aside = radius * math.sin(angle), radius * (1 - math.cos(angle))
         poses = {
             name: (x + ahead, y + aside, z, 0.0, 0.0, math.sin(angle / 2), math.cos(angle / 2))

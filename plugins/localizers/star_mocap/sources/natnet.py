@@ -36,7 +36,8 @@ class Ticks:
             self._rate = ticks / seconds
         if not self._rate:
             return {}
-        return {"captured": exposure / self._rate, "processing": (sent - exposure) / self._rate}
+        captured = self._first[1] + ticks / self._rate
+        return {"captured": captured, "processing": (sent - exposure) / self._rate}
 
 
 def frames(*, host: str, multicast: bool, command_port: int) -> Iterator[Frame | None]:
@@ -56,6 +57,10 @@ def frames(*, host: str, multicast: bool, command_port: int) -> Iterator[Frame |
 
     client.on_data_frame_received_event.handlers.append(received.put)
     client.on_data_description_received_event.handlers.append(describe)
+    try:
+        client.connect()
+    except TimeoutError:
+        raise OSError(f"no server answers at {host}, command port {command_port}") from None
     with client:
         client.request_modeldef()
         client.run_async()

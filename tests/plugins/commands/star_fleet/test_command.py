@@ -257,3 +257,18 @@ def test_conditions_that_are_none_are_refused(condition: str, code: str, hint: s
         run([FIRST, "--port", "0", "--condition", condition])
     assert raised.value.code == code
     assert hint in raised.value.message
+
+
+def test_positions_are_served_as_motion_capture(capsys: pytest.CaptureFixture[str]) -> None:
+    flags = ["--port", "0", "--mocap", "0", "--duration", "0.2", "--speed", "10"]
+    assert run([FIRST, *flags]) == 0
+    first = capsys.readouterr().out.splitlines()[0]
+    assert first.startswith("motion capture: natnet at 127.0.0.1, command_port ")
+
+
+def test_a_port_of_motion_capture_that_is_taken_is_named() -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", 0))
+        port = taken.getsockname()[1]
+        with pytest.raises(InputError, match=rf"--mocap {port}: .* name another port by --mocap N"):
+            run([FIRST, "--port", "0", "--mocap", str(port), "--duration", "0.2"])

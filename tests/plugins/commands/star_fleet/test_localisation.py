@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from star_fleet.conditions import Condition
 from star_fleet.packet import Port, compress
 
 Start = Callable[..., Any]
@@ -120,3 +121,15 @@ def test_a_flight_after_a_new_start_is_in_the_new_frame(start: Start) -> None:
     bench.go(0.0, 0.5, 0.8, math.pi / 2)
     bench.fly(4.0)
     assert bench.position == pytest.approx([0.5, 0.0, 0.8], abs=0.03)
+
+
+@pytest.mark.parametrize(("enabled", "expected"), [(1, (2.0, 1.0)), (0, (0.0, 0.0))])
+def test_a_parameter_switches_lighthouse_off(
+    start: Start, enabled: int, expected: tuple[float, float]
+) -> None:
+    bench = start(conditions={0: frozenset({Condition.LIGHTHOUSE})})
+    drone = bench.fleet.simulator.drones[0]
+    drone["position"][:2] = 2.0, 1.0
+    bench.write("lighthouse.enableEst", "B", enabled)
+    bench.write("kalman.resetEstimation", "B", 1)
+    assert tuple(believed(bench)[:2]) == pytest.approx(expected, abs=0.02)
