@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import pytest
 
+from star_core import Registry, Tick, Truth, fly, hookimpl, load
+from star_sim.transport import Simulator
 from tests.campaign import mocap
 
 SEED = mocap.SEED + 500
@@ -30,3 +33,35 @@ def test_positions_are_within_a_centimetre(forward: str) -> None:
     flight = mocap.accuracy(SEED, [f"localizer.forward={forward}"])
     assert flight.rms <= 0.01
     assert 0.5 <= flight.nees <= 2.0
+
+
+class Estimates:
+    """Keeps what a flight is flown by."""
+
+    def __init__(self) -> None:
+        self.kept: list[bytes] = []
+
+    @hookimpl
+    def star_ticked(self, tick: Tick) -> None:
+        self.kept.append(tick.estimate.position.tobytes() + tick.sent.velocity.tobytes())
+
+
+def kept() -> list[bytes]:
+    """Fly the mission, and return what it was flown by."""
+    seen = Estimates()
+    registry = Registry(seen)
+    fly(load(mocap.MISSION, registry, ["collisions=record"]), registry)
+    return seen.kept
+
+
+def test_no_plugin_receives_the_ground_truth(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A flight with another ground truth is the same to the last bit."""
+    before, real = kept(), Simulator.truth
+
+    def elsewhere(own: Simulator) -> Truth | None:
+        truth = real(own)
+        return None if truth is None else replace(truth, position=truth.position + 9)
+
+    monkeypatch.setattr(Simulator, "truth", elsewhere)
+    assert len(before) > 100
+    assert kept() == before
