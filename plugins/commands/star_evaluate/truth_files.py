@@ -41,7 +41,7 @@ def read_truth(path: Path, bodies: Mapping[str, str], topic: str) -> dict[str, A
         elif path.suffix in TUM:
             if len(bodies) > 1:
                 text = f"{path}: a TUM file has one trajectory and the flight {len(bodies)} agents"
-                raise InputError(f"{text}; name a folder with AGENT.tum for each", "wrong-length")
+                raise InputError(f"{text}; name a folder with AGENT.tum for each", "invalid-trajectory")
             tracks = {agent: _tum(path) for agent in bodies}
         else:
             text = f"{path}: expected a .tum, .txt, .csv or .mcap file, or a folder of .tum files"
@@ -70,7 +70,7 @@ def _tum(path: Path) -> Array:
         values = _numbers(words)
         if values is None or len(values) != 8:  # noqa: PLR2004 -- time, position, quaternion
             text = f"{path}:{number}: expected 8 numbers: time x y z qx qy qz qw"
-            raise InputError(text, "invalid-value")
+            raise InputError(text, "invalid-trajectory")
         rows.append(values[:4])
     return _track(path, rows)
 
@@ -82,18 +82,18 @@ def _csv(path: Path, bodies: Mapping[str, str]) -> dict[str, Array]:
         header = [name.strip().lower() for name in next(table, [])]
         time = next((header.index(name) for name in TIMES if name in header), None)
         if time is None or not {"x", "y", "z"} <= {*header}:
-            raise InputError(f"{path}:1: expected columns time, x, y, z", "missing-key")
+            raise InputError(f"{path}:1: expected columns time, x, y, z", "invalid-trajectory")
         columns = [time, *(header.index(axis) for axis in "xyz")]
         body = header.index("body") if "body" in header else None
         if body is None and len(bodies) > 1:
             text = f"{path}:1: the flight has {len(bodies)} agents: expected a column body"
-            raise InputError(text, "missing-key")
+            raise InputError(text, "invalid-trajectory")
         agents = {name: agent for agent, name in bodies.items()}
         rows: dict[str, list[list[float]]] = {}
         for number, row in enumerate(table, 2):
             values = _numbers([row[k] for k in columns]) if len(row) == len(header) else None
             if values is None:
-                raise InputError(f"{path}:{number}: expected numbers", "invalid-value")
+                raise InputError(f"{path}:{number}: expected numbers", "invalid-trajectory")
             agent = agents.get(row[body]) if body is not None else next(iter(bodies))
             if agent is not None:
                 rows.setdefault(agent, []).append(values)
@@ -147,7 +147,7 @@ def _numbers(words: Sequence[str]) -> list[float] | None:
 def _track(path: Path, rows: Sequence[Sequence[float]]) -> Array:
     """Return (K, 4) samples in the order of their times, each time once."""
     if len(rows) < 2:  # noqa: PLR2004 -- for an interpolation
-        raise InputError(f"{path}: a trajectory has fewer than two poses", "wrong-length")
+        raise InputError(f"{path}: a trajectory has fewer than two poses", "invalid-trajectory")
     track = np.array(rows, float)
     _, first = np.unique(track[:, 0], return_index=True)
     return track[first]
