@@ -41,7 +41,9 @@ def read_truth(path: Path, bodies: Mapping[str, str], topic: str) -> dict[str, A
         elif path.suffix in TUM:
             if len(bodies) > 1:
                 text = f"{path}: a TUM file has one trajectory and the flight {len(bodies)} agents"
-                raise InputError(f"{text}; name a folder with AGENT.tum for each", "invalid-trajectory")
+                raise InputError(
+                    f"{text}; name a folder with AGENT.tum for each", "invalid-trajectory"
+                )
             tracks = {agent: _tum(path) for agent in bodies}
         else:
             text = f"{path}: expected a .tum, .txt, .csv or .mcap file, or a folder of .tum files"
