@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 from tick import write
 
-from star_core import Registry, Tick, fly, hookimpl, load
+from star_core import Goals, Registry, Setpoint, Tick, fly, hookimpl, load
 
 MISSIONS = Path(__file__).parents[1] / "missions"
 NAMES = (
@@ -42,6 +42,9 @@ TIMES = {
 }  # fmt: skip
 """Entries of the summary that are measured by the computer's clock."""
 
+TRAJECTORY = {"position", "acceleration", "yaw_rate"}
+"""Columns of goals and setpoints that count only where an agent follows a trajectory."""
+
 
 class Bits:
     """Hashes every tick of a flight."""
@@ -59,7 +62,9 @@ class Bits:
         if isinstance(value, np.ndarray):
             self.ticks.update(f"{value.dtype}{value.shape}".encode() + value.tobytes())
         elif dataclasses.is_dataclass(value):
-            self._add({f.name: getattr(value, f.name) for f in dataclasses.fields(value)})
+            columns = {f.name: getattr(value, f.name) for f in dataclasses.fields(value)}
+            optional = TRAJECTORY if isinstance(value, Goals | Setpoint) else ()
+            self._add({k: v for k, v in columns.items() if v is not None or k not in optional})
         elif isinstance(value, Mapping):
             for key, entry in value.items():
                 self.ticks.update(str(key).encode())

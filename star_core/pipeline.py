@@ -318,7 +318,8 @@ class PluginPipeline:
         if self._sent is not None:
             with suppress(Exception):
                 still = np.zeros((self._n, 3))
-                self._transport.plugin.send(replace(self._sent, velocity=still))
+                sent = self._sent
+                self._transport.plugin.send(Setpoint.made(still, sent.yaw, sent.active))
 
     def truth(self) -> Truth | None:
         """Return the ground truth, if there is one.

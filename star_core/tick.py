@@ -194,6 +194,7 @@ class ControlLoop:
             safe, corrected = self._safety.filter(
                 state.visible, state.setpoint, state.planned, near
             )
+        safe = self._safety.keep_trajectories(safe, plan.setpoint, estimate)
         sent = vehicles.send(safe, state.telemetry, estimate)
         self._record(state, plan, sent, doing, corrected, near)
         unreachable = plan.unreachable & state.planned.active & ~state.redirected

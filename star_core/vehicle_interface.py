@@ -157,6 +157,9 @@ class VehicleInterface:
         fall.
         """
         active = self.steered(estimate)
+        if planned.position is not None:
+            bare = Setpoint(planned.velocity, planned.yaw, planned.active)
+            return self.setpoint(bare, estimate).following(planned, planned.followed() & active)
         if every(planned.active):
             return Setpoint.made(planned.velocity, planned.yaw, active)
         velocity = np.where(planned.active[:, None], planned.velocity, 0.0)
@@ -174,13 +177,21 @@ class VehicleInterface:
         odom = Setpoint.made(
             to_map.turn_back(setpoint.velocity), setpoint.yaw - to_map.yaw, setpoint.active
         )
+        if setpoint.position is not None and setpoint.acceleration is not None:
+            odom = replace(
+                odom,
+                position=to_map.inverse().apply(setpoint.position),
+                acceleration=to_map.turn_back(setpoint.acceleration),
+                yaw_rate=setpoint.yaw_rate,
+            )
         sent = self._pipeline.send(odom, to_map)
         self.unheard.steered(self.time, setpoint.active)
         self.unheard.descend(self._descending)
         self.ground.steered(self.time, setpoint.active)
         if sent is odom:
             return setpoint
-        return replace(sent, velocity=to_map.turn(sent.velocity), yaw=sent.yaw + to_map.yaw)
+        velocity, yaw = to_map.turn(sent.velocity), sent.yaw + to_map.yaw
+        return Setpoint(velocity, yaw, sent.active).following(setpoint, sent.followed())
 
     def send_command(self, command: Command, estimate: Estimate) -> None:
         """Send a command to the on-board commanders, and update the agents' phases."""
@@ -293,7 +304,7 @@ class VehicleInterface:
             velocity=np.where(brakes[:, None], rest, setpoint.velocity),
             yaw=np.where(brakes, heading, setpoint.yaw),
             active=self._setpoints_sent,
-        )
+        ).following(setpoint, setpoint.followed() & ~brakes)
 
     def _ground(self, rebooted: Mask) -> None:
         """Remove agents that rebooted from the flight, unless they have landed before."""

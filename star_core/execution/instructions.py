@@ -58,10 +58,13 @@ class GoalDraft:
         self.active = goals.active.copy()
         self._velocity, self._yaw = goals.velocity.copy(), goals.yaw.copy()
         self._speed = goals.speed.copy()
+        self._acceleration: Array | None = goals.acceleration
+        self._yaw_rate: Array | None = goals.yaw_rate
 
     def stop(self) -> None:
         """Let all goals be at rest."""
         self._velocity.fill(0.0)
+        self._acceleration = self._yaw_rate = None
 
     def set(self, row: int, position: Array, yaw: float, speed: float) -> None:
         """Set the goal of one agent, at rest."""
@@ -76,6 +79,8 @@ class GoalDraft:
         self._yaw[some_or_all] = goals.yaw[some_or_all]
         self._speed[some_or_all] = goals.speed[some_or_all]
         self.active[some_or_all] = True
+        self._acceleration = _merged(self._acceleration, goals.acceleration, some_or_all)
+        self._yaw_rate = _merged(self._yaw_rate, goals.yaw_rate, some_or_all)
 
     def hold(self, rows: Mask, estimate: Estimate, speed: float) -> None:
         """Set the goals of some agents, (N,), to their positions."""
@@ -88,7 +93,27 @@ class GoalDraft:
 
     def finish(self) -> Goals:
         """Return the goals, which do not change any more."""
-        return Goals.made(self.position, self._velocity, self._yaw, self._speed, self.active)
+        return Goals.made(
+            self.position,
+            self._velocity,
+            self._yaw,
+            self._speed,
+            self.active,
+            self._acceleration,
+            self._yaw_rate,
+        )
+
+
+def _merged(column: Array | None, other: Array | None, rows: Rows | slice) -> Array | None:
+    """Return an optional column of goals with some rows of another."""
+    if column is None and other is None:
+        return None
+    if column is None:
+        merged: Array = np.full_like(other, np.nan)
+    else:
+        merged = column.copy()
+    merged[rows] = np.nan if other is None else other[rows]
+    return merged
 
 
 def hold(goals: Goals, flying: Mask, estimate: Estimate, speed: float) -> Goals:

@@ -13,7 +13,7 @@ from star_core.errors import InputError, StarError, suggestion
 from star_core.execution.assignments import Assignments
 from star_core.execution.executor import StartedStep, StepExecutor
 from star_core.execution.instructions import Draft, Instructions
-from star_core.messages.arrays import Rows, require_type, some
+from star_core.messages.arrays import Array, Rows, require_type, some
 from star_core.messages.commands import Command
 from star_core.messages.state import AgentPhase, Goals, Plan, Setpoint
 from star_core.mission import Action, Mission, OnFailure
@@ -196,12 +196,20 @@ class Program:
             return plan
         own, planned = self._setpoint, plan.setpoint
         self._setpoint = Setpoint.none(len(rows))
-        setpoint = replace(
-            planned,
-            velocity=np.where(rows[:, None], own.velocity, planned.velocity),
-            yaw=np.where(rows, own.yaw, planned.yaw),
-            active=planned.active | rows,
+        column = rows[:, None]
+        setpoint = Setpoint(
+            np.where(column, own.velocity, planned.velocity),
+            np.where(rows, own.yaw, planned.yaw),
+            planned.active | rows,
         )
+        shape = setpoint.velocity.shape
+        both = replace(
+            setpoint,
+            position=np.where(column, *_columns(own.position, planned.position, shape)),
+            acceleration=np.where(column, *_columns(own.acceleration, planned.acceleration, shape)),
+            yaw_rate=np.where(rows, *_columns(own.yaw_rate, planned.yaw_rate, rows.shape)),
+        )
+        setpoint = setpoint.following(both, both.followed())
         return replace(plan, setpoint=setpoint, unreachable=plan.unreachable & ~rows)
 
     def _take_over(self, rows: Rows) -> None:
@@ -238,3 +246,11 @@ class Program:
             if not problem.warning:
                 where = "".join(f"{key}: " for key in problem.path)
                 yield f"{where}{problem.message} [{problem.code}]"
+
+
+def _columns(
+    first: Array | None, second: Array | None, shape: tuple[int, ...]
+) -> tuple[Array, Array]:
+    """Return two optional columns of a shape, NaN where there is none."""
+    unknown = np.full(shape, np.nan)
+    return unknown if first is None else first, unknown if second is None else second

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import Field, dataclass, field, fields
 from functools import cache
+from itertools import zip_longest
 from typing import (
     Any,
     ClassVar,
@@ -138,10 +139,10 @@ class Table:
         """Return a table of the core's own, which is not checked; its arrays become read-only.
 
         Args:
-            values: Of all fields, in their order.
+            values: Of all fields, in their order; optional columns at the end may be left out.
         """
         made = object.__new__(cls)
-        for name, value in zip(cls.__slots__, values, strict=True):
+        for name, value in zip_longest(cls.__slots__, values):
             if type(value) is np.ndarray:
                 value.setflags(write=False)
             object.__setattr__(made, name, value)
@@ -159,7 +160,8 @@ class Table:
 
 @cache  # tables are read-only
 def _none(cls: Any, n: int) -> Any:
-    return cls(*(np.zeros((n, *column.row), column.dtype) for column in cls.COLUMNS))
+    columns = (column for column in cls.COLUMNS if not column.optional)
+    return cls(**{column.name: np.zeros((n, *column.row), column.dtype) for column in columns})
 
 
 @dataclass_transform(frozen_default=True, field_specifiers=(column, counted, field))

@@ -130,6 +130,9 @@ class Goals(Table):
         yaw: rad.
         speed: Greatest speed on the way, m/s.
         active: False for agents without a goal.
+        acceleration: Of a goal that moves along a known trajectory, m/s²; NaN in rows where it is
+            not known, None if it is in none.
+        yaw_rate: Likewise, rad/s.
     """
 
     position: Array = column(3)
@@ -137,6 +140,8 @@ class Goals(Table):
     yaw: Array = column()
     speed: Array = column()
     active: Mask = column()
+    acceleration: Array | None = column(3, default=None)
+    yaw_rate: Array | None = column(default=None)
 
 
 @table()
@@ -148,11 +153,43 @@ class Setpoint(Table):
         yaw: rad, anticlockwise from the map's x axis.
         active: False for agents without a setpoint (grounded, taking off, landing, not heard);
             an avoider leaves them inactive.
+        position: Of the trajectory that `velocity` leads along, m, in rows of agents that follow
+            one; NaN in other rows, None if there is none. Where avoider or safety filter change
+            the velocity, the core removes it: the row is then flown by its velocity.
+        acceleration: Of that trajectory, m/s², likewise.
+        yaw_rate: Of `yaw`, rad/s, likewise.
     """
 
     velocity: Array = column(3)
     yaw: Array = column()
     active: Mask = column()
+    position: Array | None = column(3, default=None)
+    acceleration: Array | None = column(3, default=None)
+    yaw_rate: Array | None = column(default=None)
+
+    def followed(self) -> Mask:
+        """Return the active rows with a trajectory to follow: (N,)."""
+        if self.position is None or self.acceleration is None:
+            return np.zeros(len(self.active), np.bool_)
+        known = np.isfinite(self.position).all(axis=1) & np.isfinite(self.acceleration).all(axis=1)
+        followed: Mask = self.active & known
+        return followed
+
+    def following(self, other: Setpoint, rows: Mask) -> Setpoint:
+        """Return this setpoint with the trajectory of another in some rows, (N,), and no others."""
+        if other.position is None or other.acceleration is None or not np.count_nonzero(rows):
+            if self.position is None and self.acceleration is None:
+                return self
+            return Setpoint.made(self.velocity, self.yaw, self.active)
+        column, rate = rows[:, None], other.yaw_rate
+        return Setpoint.made(
+            self.velocity,
+            self.yaw,
+            self.active,
+            np.where(column, other.position, np.nan),
+            np.where(column, other.acceleration, np.nan),
+            np.where(rows, 0.0 if rate is None else np.nan_to_num(rate), np.nan),
+        )
 
 
 def with_possible_positions(

@@ -22,10 +22,14 @@ from star_core.safety.braking import (
 )
 from star_core.safety.walls import Walls, brake_for_walls, walls
 from star_core.toolkit.jit import compiled, subroutine
+from star_core.toolkit.tracking import MAX_LEAD, TRACKING_GAIN
 from star_core.world.scene import Scene
 
 MIN_CORRECTION: Final = 0.05
 """Smallest change of a velocity that is reported as a correction, m/s."""
+
+LEAD_AT_REST: Final = 0.05
+"""Distance at which a position may be from an agent whose velocity is 0, m."""
 
 
 class SafetyFilter:
@@ -96,6 +100,29 @@ class SafetyFilter:
                 changed.fence[:n], changed.speed[:n], changed.separation[:n], changed.obstacle[:n]
             ),
         )
+
+    def keep_trajectories(self, safe: Setpoint, planned: Setpoint, estimate: Estimate) -> Setpoint:
+        """Return a setpoint with the trajectories of the agents whose velocity is as planned.
+
+        A drone that flies to a position does so whatever its velocity, by which it has been judged.
+        So the position must be inside the fence, and as near as that velocity leads.
+
+        Args:
+            safe: The setpoint to send.
+            planned: The setpoint before monitors, avoider and filter.
+            estimate: Of the agents' positions.
+        """
+        if planned.position is None:
+            return safe
+        followed = planned.followed() & safe.active
+        followed &= (np.abs(safe.velocity - planned.velocity) <= TOLERANCE).all(axis=1)
+        low, high = self._fence
+        followed &= ((planned.position >= low) & (planned.position <= high)).all(axis=1)
+        away = planned.position - estimate.position
+        speed = np.sqrt(np.vecdot(safe.velocity, safe.velocity))
+        near = np.minimum(LEAD_AT_REST + speed / TRACKING_GAIN, MAX_LEAD)
+        followed &= np.vecdot(away, away) <= near**2
+        return safe.following(planned, followed)
 
     def _filter(
         self, estimate: Estimate, safe: Setpoint, planned: Setpoint, near: Pairs

@@ -96,6 +96,10 @@ from star_core.toolkit.progress import on_terminal as on_terminal
 from star_core.toolkit.tag_overlay import image_with_tags as image_with_tags
 from star_core.toolkit.timeouts import step_timeout as step_timeout
 from star_core.toolkit.timeouts import timeout as timeout
+from star_core.toolkit.tracking import TRACKING_GAIN as TRACKING_GAIN
+from star_core.toolkit.tracking import VELOCITY_GAIN as VELOCITY_GAIN
+from star_core.toolkit.tracking import FullStates as FullStates
+from star_core.toolkit.tracking import VelocityLead as VelocityLead
 from star_core.toolkit.trajectory import polynomial as polynomial
 from star_core.toolkit.trajectory import transformed as transformed
 from star_core.world.outlines import outline_fault as outline_fault

@@ -6,10 +6,11 @@ import math
 
 import numpy as np
 
-from star_core.messages.arrays import Array, Mask
+from star_core.messages.arrays import Array, Mask, frozen
 from star_core.messages.rotations import wrap_angle
-from star_core.messages.state import Estimate, Goals
+from star_core.messages.state import Estimate, Goals, Setpoint
 from star_core.toolkit.jit import compiled
+from star_core.toolkit.tracking import MAX_LEAD, Tracking
 from star_core.world.scene import Scene
 
 BRAKING = 0.5  # of the greatest acceleration: the rest is for wind, avoidance and delay
@@ -42,6 +43,7 @@ class PositionController:
         n = len(scene.agents)
         self._limits = scene.limits
         self._gain = gain
+        self._tracking = Tracking(n, scene.period)
         self._most_turn = math.radians(yaw_rate_deg) * scene.period
         self._yaw: Array = np.zeros(n)  # last asked for, where `_flown`
         self._flown = np.zeros(n, np.bool_)
@@ -64,6 +66,40 @@ class PositionController:
         velocity = self._lead(estimate.position, goals, beyond)
         self._point, self._under_way = goals.position, goals.active & estimate.valid
         return velocity
+
+    def setpoint(
+        self, velocity: Array, yaw: Array, active: Mask, estimate: Estimate, goals: Goals
+    ) -> Setpoint:
+        """Return a setpoint; agents near goals that move along known trajectories follow these.
+
+        Args:
+            velocity: (N, 3) of `velocity`, m/s.
+            yaw: (N,) of `heading`, rad.
+            active: (N,) rows of the setpoint.
+            estimate: Where the agents are.
+            goals: Goals to which the agents fly straight.
+        """
+        if goals.acceleration is None:
+            self._tracking.forget()
+            return Setpoint(frozen(velocity), frozen(yaw), frozen(active))
+        goal = Setpoint(
+            velocity, yaw, active & goals.active, goals.position, goals.acceleration, goals.yaw_rate
+        )
+        away = goals.position - estimate.position
+        rows = goal.followed() & (np.vecdot(away, away) <= MAX_LEAD**2)
+        tracking = self._within_limits(self._tracking.velocity(estimate, goals, rows), goals.speed)
+        low, high = (level - estimate.position[:, 2] for level in self._limits.height)
+        down, up = np.minimum(self._gain * low, 0.0), np.maximum(self._gain * high, 0.0)
+        tracking[:, 2] = np.clip(tracking[:, 2], down, up)
+        velocity = np.where(rows[:, None], tracking, velocity)
+        return Setpoint(velocity, yaw, active).following(goal, rows)
+
+    def _within_limits(self, velocity: Array, most: Array) -> Array:
+        """Return (N, 3) velocities no faster than (N,) speeds and the scene's limit, m/s."""
+        most = np.minimum(most, self._limits.speed)
+        speed = np.sqrt(np.vecdot(velocity, velocity))
+        slower: Array = velocity * (most / np.maximum(speed, np.maximum(most, NOWHERE)))[:, None]
+        return slower
 
     def _lead(self, position: Array, goals: Goals, beyond: Array) -> Array:
         velocity = np.empty((len(position), 3))

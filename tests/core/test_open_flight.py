@@ -101,6 +101,18 @@ def test_a_setpoint_lasts_one_tick_then_agents_hold(flight: OpenFlight) -> None:
     assert flight.wait(1).estimate.position[0] == pytest.approx(stopped, abs=0.03)
 
 
+def test_full_states_of_a_program_are_sent_and_bounded(flight: OpenFlight) -> None:
+    position = flight.tick.estimate.position
+    for lead, follows in ((0.1, True), (0.5, False)):
+        wanted = replace(
+            setpoint([0.3, 0, 0], [0, 0, 0], active=[True, False]),
+            position=position + np.array([lead, 0, 0]),
+            acceleration=np.zeros((2, 3)),
+        )
+        flight.set_setpoint(wanted)
+        assert flight.step().sent.followed().tolist() == [follows, False]
+
+
 def test_the_safety_filter_limits_setpoints_of_a_program(flight: OpenFlight) -> None:
     flight.set_setpoint(setpoint([5, 0, 0], [0, 0, 0], active=[True, True]))
     tick = flight.step()

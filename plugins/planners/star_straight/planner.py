@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from star_core import Estimate, Goals, Paths, Plan, Scene, Setpoint
+from star_core import Estimate, Goals, Paths, Plan, Scene
 from star_core.toolkit import PositionController, frozen
 
 
@@ -28,7 +28,7 @@ class Straight:
         ends[::2] = estimate.position[rows]
         ends[1::2] = goals.position[rows]
         return Plan(
-            Setpoint(frozen(velocity), frozen(yaw), frozen(active)),
+            self._homing.setpoint(velocity, yaw, active, estimate, goals),
             Paths(agent=frozen(rows.repeat(2)), point=frozen(ends)),
             unreachable=frozen(np.zeros(len(active), np.bool_)),
         )

@@ -216,11 +216,10 @@ class Visibility:
         )
         velocity = self._homing.velocity(estimate, now, np.where(on, np.maximum(beyond, 0.0), 0.0))
         active = goals.active & estimate.valid
-        return Setpoint(
-            velocity=np.where(active[:, None], velocity, 0.0),
-            yaw=self._homing.heading(estimate, goals, active),
-            active=active,
-        )
+        velocity = np.where(active[:, None], velocity, 0.0)
+        yaw = self._homing.heading(estimate, goals, active)
+        straight = replace(goals, active=active & direct)
+        return self._homing.setpoint(velocity, yaw, active, estimate, straight)
 
 
 def _far(position: Array, other: Array) -> Array:

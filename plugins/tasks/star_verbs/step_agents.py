@@ -149,7 +149,13 @@ class StepAgents:
         return timeout(expected) + crossing * max(1.0, math.sqrt(n / CROSSES_ALONE))
 
     def goals(
-        self, position: Array, yaw: Array, speed: float, velocity: Array | None = None
+        self,
+        position: Array,
+        yaw: Array,
+        speed: float,
+        velocity: Array | None = None,
+        acceleration: Array | None = None,
+        yaw_rate: Array | None = None,
     ) -> Goals:
         """Return goals for the whole swarm, active for these agents.
 
@@ -158,6 +164,8 @@ class StepAgents:
             yaw: (K,) rad.
             speed: Speed limit on the way, m/s.
             velocity: (K, 3) feed-forward, m/s; zero if not given.
+            acceleration: (K, 3) of goals along known trajectories, m/s².
+            yaw_rate: (K,) likewise, rad/s.
         """
         n = len(self.scene.agents)
         positions, velocities, yaws = np.zeros((n, 3)), np.zeros((n, 3)), np.zeros(n)
@@ -167,7 +175,23 @@ class StepAgents:
         yaws[self.rows] = yaw
         if velocity is not None:
             velocities[self.rows] = velocity
-        return Goals(positions, velocities, yaws, np.full(n, speed), active)
+        return Goals(
+            positions,
+            velocities,
+            yaws,
+            np.full(n, speed),
+            active,
+            self._of_all(acceleration),
+            self._of_all(yaw_rate),
+        )
+
+    def _of_all(self, values: Array | None) -> Array | None:
+        """Return (K, ...) values in a column of the whole swarm, NaN for the others."""
+        if values is None:
+            return None
+        column = np.full((len(self.scene.agents), *values.shape[1:]), np.nan)
+        column[self.rows] = values
+        return column
 
 
 def assign(position: Array, target: Array, *, squares: bool = False) -> Rows:

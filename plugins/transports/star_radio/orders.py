@@ -63,18 +63,20 @@ def velocity(velocity: Sequence[float], yaw_rate: float, version: int) -> bytes:
 def full_state(
     position: Sequence[float],
     velocity: Sequence[float],
+    acceleration: Sequence[float],
     attitude: Sequence[float],
     rates: Sequence[float],
 ) -> bytes:
-    """Full-state setpoint without acceleration, in the odometry frame; sent in thousandths.
+    """Full-state setpoint in the odometry frame; sent in thousandths.
 
     Args:
         position: m, within ±32.767.
         velocity: m/s.
+        acceleration: m/s².
         attitude: Quaternion x, y, z, w from the body to the odometry frame.
         rates: About the body axes, rad/s: cflib documents degrees, but the firmware reads mrad/s.
     """
-    vectors = _rounded(position), _rounded(velocity), (0.0, 0.0, 0.0)
+    vectors = _rounded(position), _rounded(velocity), _rounded(acceleration)
     return _packed(Commander, "send_full_state_setpoint", *vectors, attitude, *_rounded(rates))
 
 

@@ -10,7 +10,7 @@ from typing import Final, Protocol
 import numpy as np
 
 from star_core import Array, Mask, Setpoint
-from star_core.toolkit import wrap_angle
+from star_core.toolkit import FullStates, VelocityLead, wrap_angle
 from star_radio import orders, report
 from star_radio.connection.packets import MAX_COORDINATE
 
@@ -56,17 +56,36 @@ class Steering(Protocol):
 
 
 class Velocities:
-    """Sends each drone a velocity and a yaw rate that turns it to its heading."""
+    """Sends each drone a velocity and a yaw rate that turns it to its heading.
+
+    Velocities along trajectories make up for the lag of the firmware's PID controller.
+
+    Args:
+        n: Number of agents.
+        period: Of the ticks, s.
+    """
+
+    def __init__(self, n: int, period: float) -> None:
+        self._lead = VelocityLead(n, period)
 
     def packets(
         self, setpoint: Setpoint, reported: Array, versions: Sequence[int]
     ) -> dict[int, bytes]:
-        rates = yaw_rate(setpoint.yaw, reported[:, report.YAW]).tolist()
-        velocities = setpoint.velocity.tolist()
+        rates = _with_rate(yaw_rate(setpoint.yaw, reported[:, report.YAW]), setpoint).tolist()
+        velocities = self._lead.velocity(setpoint).tolist()
         return {
             row: orders.velocity(velocities[row], rates[row], versions[row])
             for row in np.flatnonzero(setpoint.active).tolist()
         }
+
+
+def _with_rate(rate: Array, setpoint: Setpoint) -> Array:
+    """Return (N,) yaw rates with those of the trajectories that agents follow added, rad/s."""
+    if setpoint.yaw_rate is None:
+        return rate
+    known = np.where(setpoint.followed(), np.nan_to_num(setpoint.yaw_rate), 0.0)
+    sum_: Array = np.clip(rate + known, -MAX_YAW_RATE, MAX_YAW_RATE)
+    return sum_
 
 
 class WholeStates:
@@ -74,36 +93,47 @@ class WholeStates:
 
     The position starts at the drone's and stays within `MAX_LEAD` of it, so that a drone that
     lags does not rush to catch up; the heading, which turns as in `yaw_rate`, stays within
-    `MAX_YAW_LEAD`. The acceleration is 0: the velocity is constant until the next tick. The state
+    `MAX_YAW_LEAD`. The acceleration is 0: the velocity is constant until the next tick. Agents that
+    follow trajectories get the states of `FullStates` instead. The state
     is reset for a row that is inactive in a setpoint, and for all rows after `SETPOINT_TIMEOUT`
     without one. A state that cannot be encoded, because the reported position is missing or too
     far away, is sent as a velocity.
 
     Args:
         n: Number of agents.
+        period: Of the ticks, s.
         now: Clock, s.
     """
 
-    def __init__(self, n: int, now: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, n: int, period: float, now: Callable[[], float] = time.monotonic) -> None:
         self._now = now
         self._then = 0.0
         self._flown: Mask = np.zeros(n, np.bool_)
         self._position, self._velocity = np.zeros((n, 3)), np.zeros((n, 3))
         self._yaw = np.zeros(n)
-        self._velocities = Velocities()
+        self._velocities = Velocities(n, period)
+        self._states = FullStates(n, period)
 
     def packets(
         self, setpoint: Setpoint, reported: Array, versions: Sequence[int]
     ) -> dict[int, bytes]:
-        rates = self._advance(setpoint, reported)
+        rates = _with_rate(self._advance(setpoint, reported), setpoint)
         packed = self._velocities.packets(setpoint, reported, versions)
         fits = np.isfinite(self._yaw) & (abs(self._position) <= MAX_COORDINATE).all(axis=1)
         self._flown = setpoint.active & fits
+        position, velocity, acceleration = self._states.advance(
+            setpoint, self._flown & setpoint.followed(), self._position
+        )
+        followed = self._states.rows[:, None]
+        self._position = np.where(followed, self._states.position, self._position)
+        position = np.where(followed, position, self._position)
+        velocity = np.where(followed, velocity, setpoint.velocity)
         for row in np.flatnonzero(self._flown).tolist():
             half = float(self._yaw[row]) / 2
             packed[row] = orders.full_state(
-                self._position[row].tolist(),
-                setpoint.velocity[row].tolist(),
+                position[row].tolist(),
+                velocity[row].tolist(),
+                acceleration[row].tolist(),
                 (0.0, 0.0, math.sin(half), math.cos(half)),
                 (0.0, 0.0, float(rates[row])),
             )

@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -117,9 +118,9 @@ class Radio:
         self._broadcasts: BroadcastCommands | None = None
         if options.broadcast is not None:
             self._broadcasts = BroadcastCommands(scene, options.broadcast)
-        self._steering: Steering = Velocities()
+        self._steering: Steering = Velocities(len(uris), scene.period)
         if options.setpoints == "full-state":
-            self._steering = WholeStates(len(uris))
+            self._steering = WholeStates(len(uris), scene.period)
         self._udp_links = udp_links.UdpLinks() if options.udp == "sockets" else None
         self.vehicles = tuple(
             Vehicle(agent.name, Link(agent.uri or "", agent.name, self._udp_links))
@@ -402,7 +403,7 @@ class Radio:
         active = setpoint.active & self.connected
         sent = setpoint
         if active.sum() != setpoint.active.sum():
-            sent = Setpoint(setpoint.velocity, setpoint.yaw, active)
+            sent = replace(setpoint, active=active)
         versions = [vehicle.version for vehicle in self.vehicles]
         packets = self._steering.packets(sent, self._telemetry.last, versions)
         if self._broadcasts is not None:

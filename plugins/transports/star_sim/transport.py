@@ -53,6 +53,7 @@ from star_sim.sensors import (
     draw_texture,
     noise_streams,
 )
+from star_sim.steering import Steering
 
 MIN_SWAP_CHARGE = 0.95  # fraction of full: batteries with more are not replaced
 
@@ -122,6 +123,8 @@ class Simulator:
         self.leads = np.zeros((n, 3)) if controller == "mellinger" else None
         if controller != "ideal":
             self.cascades = cascades(n, CONTROLLERS[controller])
+        ideal = controller == "ideal"
+        self._steering = Steering(self.drones, self.leads, scene.period, ideal=ideal)
         self._swap_time = swap_time
         self._grounded_since = np.full(n, np.nan)  # s, of drones that have flown
         self._texture = np.zeros((TEXTURE_POINTS, TEXTURE_POINTS))
@@ -199,6 +202,7 @@ class Simulator:
         end = math.ceil(until / STEP - 1e-6)
         if self._faults is not None:
             self._faults.apply(self._step * STEP)
+        self._steering.level(self._step * STEP)
         while self._step < end:
             if self._queue.next_step <= self._step:
                 self._queue.advance(self._step)
@@ -317,8 +321,8 @@ class Simulator:
         active = setpoint.active
         if self._link is not None:
             active = frozen(self._link.heard(active))
-        velocity, yaw = setpoint.velocity, setpoint.yaw
-        self._send(lambda: commander.take(self.drones, velocity, yaw, active, self._step * STEP))
+        velocity = self._steering.velocity(setpoint)
+        self._send(lambda: self._steering.take(setpoint, velocity, active, self._step * STEP))
         return setpoint
 
     def truth(self) -> Truth | None:

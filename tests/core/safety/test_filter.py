@@ -369,3 +369,34 @@ def test_only_uncertain_agents_brake_before_obstacles() -> None:
 
 def test_an_uncertain_agent_inside_an_obstacle_is_led_out() -> None:
     assert sent_beside([0.2, 0, 1], [0, 0, 0], 0.1, PILLAR)[0][0] < -0.1
+
+
+@pytest.mark.parametrize(
+    ("position", "velocity", "sent", "follows"),
+    [
+        ([1.1, 0, 1], [0.5, 0, 0], [0.5, 0, 0], True),
+        ([1.1, 0, 1], [0.5, 0, 0], [0.4, 0, 0], False),  # avoided
+        ([1.27, 0, 1], [0.5, 0, 0], [0.5, 0, 0], True),
+        ([1.35, 0, 1], [0.5, 0, 0], [0.5, 0, 0], False),  # too far
+        ([1.1, 0, 1], [0.0, 0, 0], [0.0, 0, 0], False),  # where its velocity does not lead
+        ([1.0, 0, np.nan], [0.5, 0, 0], [0.5, 0, 0], False),
+    ],
+)
+def test_an_avoided_agent_is_flown_by_its_velocity(
+    position: list[float], velocity: list[float], sent: list[float], *, follows: bool
+) -> None:
+    now, still = estimate(np.array([[1.0, 0, 1]])), np.zeros((1, 3))
+    planned = replace(setpoint([velocity]), position=np.array([position]), acceleration=still)
+    kept = SafetyFilter(scene(1)).keep_trajectories(setpoint([sent]), planned, now)
+    assert kept.followed().tolist() == [follows]
+    assert kept.velocity.tolist() == [sent]
+
+
+def test_positions_outside_the_fence_are_not_flown_to() -> None:
+    now, still = estimate(np.array([[2.95, 0, 1]])), np.zeros((1, 3))
+    for x, follows in ((2.99, True), (3.01, False)):
+        planned = replace(
+            setpoint([[0.5, 0, 0]]), position=np.array([[x, 0, 1.0]]), acceleration=still
+        )
+        kept = SafetyFilter(scene(1)).keep_trajectories(planned, planned, now)
+        assert kept.followed().tolist() == [follows]

@@ -162,9 +162,9 @@ class Follow:
         point, tangent = reference.line.at(self._start + self._flown)
         self._point = point + self._offset
         self._turn(tangent, elapsed)
-        velocity = None if over else pace * tangent
         speed = reference.max_speed if self._started else reference.approach_speed
-        goals = self._agents.goals(self._point, self._yaw, speed, velocity)
+        motion = () if over else self._motion(pace, tangent)
+        goals = self._agents.goals(self._point, self._yaw, speed, *motion)
         done = over and self._agents.max_distance(estimate, self._point) <= TOLERANCE
         return TaskOutput(goals, commands, Status.SUCCESS if done else Status.RUNNING)
 
@@ -220,6 +220,21 @@ class Follow:
         pace = self._reference.pace
         on_board = self._reference.on_board is not None
         return pace if on_board else pace * lag_factor(lag, SLOW_LAG, STOP_LAG)
+
+    def _motion(self, pace: float, tangent: Array) -> tuple[Array, ...]:
+        """Return velocities of the references; with them, along a trajectory, their changes.
+
+        Args:
+            pace: Of the references.
+            tangent: (K, 3) derivatives of their positions.
+        """
+        line = self._reference.line
+        if not isinstance(line, PolynomialPath) or not self._started:
+            return (pace * tangent,)
+        acceleration, yaw_rate = line.acceleration(self._start + self._flown)
+        if self._along:
+            yaw_rate = np.full(len(yaw_rate), np.nan)
+        return pace * tangent, pace**2 * acceleration, pace * yaw_rate
 
     def _turn(self, tangent: Array, elapsed: float) -> None:
         """Turn the yaw goals towards the headings that the agents should have."""

@@ -20,10 +20,12 @@ from star_verbs.positions import (
 
 if TYPE_CHECKING:
     from star_core import Scene, Task
+    from star_verbs.follow.trajectory import PolynomialPath
 
 FOR_TRAJECTORIES: Final = ("timescale", "relative", "on_board")
 FOR_PATHS: Final = ("size", "width", "centre", "laps")
 MEMORY: Final = 4096  # bytes of a Crazyflie's trajectory memory
+MAX_ERROR: Final = 0.15  # m RMS, expected beside a trajectory without a warning
 PIECE_SIZE: Final = 132  # bytes: 33 numbers
 
 OPTIONS: Final = {
@@ -208,6 +210,21 @@ def _route_problems(scene: Scene, agents: int, options: dict[str, Any]) -> Itera
         yield Problem((key,), fault, "unreachable-goal")
 
 
+def _imprecise(scene: Scene, path: PolynomialPath, options: dict[str, Any]) -> Iterator[Problem]:
+    """Warn of the error with which drones are expected to follow a trajectory, if it is large."""
+    from star_verbs.follow.tracking_error import tracking_error
+
+    error = tracking_error(path, options["timescale"], scene.period, on_board=options["on_board"])
+    if error.rms > MAX_ERROR:
+        hint = "or on_board: false makes" if options["on_board"] else "makes"
+        message = (
+            f"{options['file']}: drones are expected to be {error.rms:.2f} m RMS and up to "
+            f"{error.most:.2f} m from where it leads at the time, under the firmware's PID "
+            f"controller; a longer timescale {hint} it less"
+        )
+        yield Problem(("file",), message, "imprecise-trajectory", warning=True)
+
+
 def _trajectory_problems(scene: Scene, agents: int, options: dict[str, Any]) -> Iterator[Problem]:
     """Check a trajectory; where a relative one leads is checked when it begins."""
     from star_verbs.follow import trajectory
@@ -223,8 +240,11 @@ def _trajectory_problems(scene: Scene, agents: int, options: dict[str, Any]) -> 
         )
         yield Problem(("on_board",), message, "out-of-range")
     samples = trajectory.Samples.of(path)
-    for fault in trajectory.limit_faults(scene, samples, options["timescale"], name):
+    too_fast = list(trajectory.limit_faults(scene, samples, options["timescale"], name))
+    for fault in too_fast:
         yield Problem(("file",), fault, "out-of-range")
+    if not too_fast:
+        yield from _imprecise(scene, path, options)
     if options["relative"]:
         faults = trajectory.extent_faults(scene, samples, name)
     else:

@@ -64,6 +64,11 @@ class PolynomialPath:
         value, first, _ = self._at(time)
         return value[:, :3], first[:, :3]
 
+    def acceleration(self, time: Array) -> tuple[Array, Array]:
+        """Return (K, 3) accelerations, m/s², and (K,) yaw rates, rad/s, at (K,) times, s."""
+        _, first, second = self._at(time)
+        return second[:, :3], first[:, 3]
+
     def yaw(self, time: Array) -> Array:
         """Return (K,) headings at (K,) times, rad."""
         return self._at(time)[0][:, 3]

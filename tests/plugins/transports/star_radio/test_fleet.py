@@ -23,8 +23,10 @@ from star_core import (
     Setpoint,
     Supervisor,
     Telemetry,
+    Tick,
     Trajectory,
     fly,
+    hookimpl,
     load,
 )
 from star_core.testing import scene
@@ -32,6 +34,7 @@ from star_fleet.aideck import CrtpOverTcp
 from star_radio import orders
 from star_radio.transport import Radio
 from tests.end_to_end.virtual_air import Air
+from tests.plugins.tasks.test_tracking import zigzag
 from tests.plugins.transports.star_radio.conftest import options as defaults
 from tests.plugins.transports.star_radio.virtual import virtual
 from tests.simulators import ideal_fleet
@@ -285,3 +288,55 @@ def test_the_watchdog_of_a_client_that_hangs_locks(air: Air, tmp_path: Path) -> 
     air.sleep(1.5)
     assert flight.until(lambda now: now.state[0] & int(Supervisor.LOCKED))
     flight.radio.close()
+
+
+LAP = """\
+star: 1
+name: lap
+world: room.yaml
+limits: {speed: 1.4, acceleration: 3.0}
+swarm: {cf1: {start: [0, 0, 0], uri: URI}}
+transport: {use: radio, guardian: false, cache: CACHE, CONTROL}
+localizer: flow
+planner: straight
+avoider: orca
+mission:
+  - takeoff: {height: 1.0}
+  - hold: {for: 1}
+  - follow: {file: path.csv, format: poly7}
+  - land: {}
+"""
+
+
+@pytest.mark.parametrize(
+    ("controller", "control"),
+    [
+        ("pid", "setpoints: velocity"),
+        ("mellinger", "setpoints: full-state, parameters: {stabilizer.controller: 2}"),
+    ],
+)
+def test_drones_follow_trajectories_in_their_own_time(
+    controller: str, control: str, tmp_path: Path
+) -> None:
+    (tmp_path / "room.yaml").write_text(ROOM)
+    (tmp_path / "path.csv").write_text(zigzag())
+    text = LAP.replace("URI", "'udp://air:1'").replace("CACHE", f"'{tmp_path / 'cache'}'")
+    (tmp_path / "mission.yaml").write_text(text.replace("CONTROL", control))
+    error: list[float] = []
+
+    class Watch:
+        @hookimpl
+        def star_ticked(self, tick: Tick) -> None:
+            if np.linalg.norm(tick.goals.velocity[0]) > 0:
+                away = sky.drones["position"][0] - tick.goals.position[0]
+                error.append(float(np.linalg.norm(away)))
+
+    registry = Registry(Watch())
+    mission = load(tmp_path / "mission.yaml", registry)
+    sky = Air(mission.scene, noise=False, controller=controller)
+    with virtual(sky), closing(sky.fleet):
+        summary = fly(mission, registry)
+    assert summary["outcome"] == "completed", summary["reason"]
+    assert len(error) > 100
+    assert np.sqrt(np.mean(np.square(error))) < 0.06
+    assert max(error) < 0.15

@@ -17,6 +17,7 @@ from star_radio.connection.cflib_link import silence_cflib
 from star_radio.trajectories import packed
 
 P = (1.0, -2.0, 0.5)
+A = (0.25, 0.0, -0.5)
 Q = (0.0, 0.0, math.sin(0.25), math.cos(0.25))
 
 
@@ -26,8 +27,8 @@ def test_packets_are_those_of_the_firmware() -> None:
         (orders.velocity(P, 0.5, 12), "7c080000803f000000c00000003fe12ee541"),
         (orders.velocity(P, 0.5, 8), "7c010000803f000000c00000003fe12ee5c1"),
         (
-            orders.full_state(P, P, Q, (0, 0, 0.25)),
-            "7c06e80330f8f401e80330f8f401000000000000b30000c000000000fa00",
+            orders.full_state(P, P, A, Q, (0, 0, 0.25)),
+            "7c06e80330f8f401e80330f8f401fa0000000cfeb30000c000000000fa00",
         ),
         (orders.no_more_setpoints(), "7d0000000000"),
         (orders.takeoff(0.5, 2.0), "8c07000000003f000000000100000040"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import struct
 from collections.abc import Sequence
@@ -67,7 +68,9 @@ def told(packet: bytes) -> tuple[list[float], list[float], float, float]:
 
 
 def test_it_begins_where_the_drone_is_and_looks(clock: Clock) -> None:
-    packets = WholeStates(1, clock).packets(setpoint([0.3, 0, 0], 1.0), at([1, 2, 0.8], 1.0), [12])
+    packets = WholeStates(1, 0.05, clock).packets(
+        setpoint([0.3, 0, 0], 1.0), at([1, 2, 0.8], 1.0), [12]
+    )
     position, velocity, yaw, rate = told(packets[0])
     assert position == [1, 2, 0.8]
     assert velocity == [0.3, 0, 0]
@@ -76,7 +79,7 @@ def test_it_begins_where_the_drone_is_and_looks(clock: Clock) -> None:
 
 
 def test_it_moves_at_what_was_to_be_flown(clock: Clock) -> None:
-    states = WholeStates(1, clock)
+    states = WholeStates(1, 0.05, clock)
     for velocity in ([0.3, 0, 0], [0, 0.2, 0.1]):
         states.packets(setpoint(velocity), at([1, 2, 0.8]), [12])
         clock.time += TICK
@@ -86,7 +89,7 @@ def test_it_moves_at_what_was_to_be_flown(clock: Clock) -> None:
 
 
 def test_it_does_not_run_away_from_a_drone_that_cannot_follow(clock: Clock) -> None:
-    states = WholeStates(1, clock)
+    states = WholeStates(1, 0.05, clock)
     for _tick in range(40):
         packets = states.packets(setpoint([0.6, 0.8, 0]), at([1, 2, 0.8]), [12])
         clock.time += TICK
@@ -95,7 +98,7 @@ def test_it_does_not_run_away_from_a_drone_that_cannot_follow(clock: Clock) -> N
 
 
 def test_it_holds_a_place_against_drift(clock: Clock) -> None:
-    states = WholeStates(1, clock)
+    states = WholeStates(1, 0.05, clock)
     for drift in (0.0, 0.05, 0.1):
         packets = states.packets(setpoint([0, 0, 0]), at([1 + drift, 2, 0.8]), [12])
         clock.time += TICK
@@ -103,7 +106,7 @@ def test_it_holds_a_place_against_drift(clock: Clock) -> None:
 
 
 def test_it_turns_as_a_velocity_would_have_it(clock: Clock) -> None:
-    states = WholeStates(1, clock)
+    states = WholeStates(1, 0.05, clock)
     states.packets(setpoint([0, 0, 0], 0.2), at([0, 0, 1]), [12])
     clock.time += TICK
     _, _, yaw, rate = told(states.packets(setpoint([0, 0, 0], 0.2), at([0, 0, 1]), [12])[0])
@@ -115,7 +118,7 @@ def test_it_turns_as_a_velocity_would_have_it(clock: Clock) -> None:
 
 
 def test_heading_setpoints_stay_near_a_drone_that_cannot_turn(clock: Clock) -> None:
-    states = WholeStates(1, clock)
+    states = WholeStates(1, 0.05, clock)
     for _tick in range(40):
         packets = states.packets(setpoint([0, 0, 0], 2.5), at([0, 0, 1], 0.2), [12])
         clock.time += TICK
@@ -123,7 +126,7 @@ def test_heading_setpoints_stay_near_a_drone_that_cannot_turn(clock: Clock) -> N
 
 
 def test_it_turns_on_across_the_back(clock: Clock) -> None:
-    states = WholeStates(1, clock)
+    states = WholeStates(1, 0.05, clock)
     for _tick in range(2):
         packets = states.packets(setpoint([0, 0, 0], -3.0), at([0, 0, 1], 3.1), [12])
         clock.time += TICK
@@ -132,7 +135,7 @@ def test_it_turns_on_across_the_back(clock: Clock) -> None:
 
 
 def test_what_was_flown_long_ago_leads_nowhere(clock: Clock) -> None:
-    states = WholeStates(1, clock)
+    states = WholeStates(1, 0.05, clock)
     states.packets(setpoint([0.3, 0, 0]), at([0, 0, 0.8]), [12])
     clock.time += SETPOINT_TIMEOUT
     position, *_ = told(states.packets(setpoint([0, 0.3, 0]), at([0.4, 0, 0.8]), [12])[0])
@@ -140,7 +143,7 @@ def test_what_was_flown_long_ago_leads_nowhere(clock: Clock) -> None:
 
 
 def test_an_agent_that_was_not_flown_for_a_tick_begins_anew(clock: Clock) -> None:
-    states = WholeStates(1, clock)
+    states = WholeStates(1, 0.05, clock)
     states.packets(setpoint([0.3, 0, 0]), at([1, 2, 0.8]), [12])
     clock.time += TICK
     assert states.packets(setpoint([0, 0, 0], active=False), at([1, 2, 0.8]), [12]) == {}
@@ -151,11 +154,11 @@ def test_an_agent_that_was_not_flown_for_a_tick_begins_anew(clock: Clock) -> Non
 
 @pytest.mark.parametrize("lost", [[math.nan] * 3, [33.0, 0, 0], [1e6, 0, 0]])
 def test_unencodable_positions_are_flown_by_velocity(clock: Clock, lost: list[float]) -> None:
-    states, wanted = WholeStates(1, clock), setpoint([0.3, 0, 0])
+    states, wanted = WholeStates(1, 0.05, clock), setpoint([0.3, 0, 0])
     states.packets(wanted, at([1, 2, 0.8]), [12])
     clock.time += TICK
     packets = states.packets(wanted, at(lost), [12])
-    assert packets == Velocities().packets(wanted, at(lost), [12])
+    assert packets == Velocities(1, 0.05).packets(wanted, at(lost), [12])
     assert packets == {0: orders.velocity([0.3, 0, 0], 0.0, 12)}
     clock.time += TICK
     assert told(states.packets(wanted, at([1, 2, 0.8]), [12])[0])[0] == [1, 2, 0.8]
@@ -172,3 +175,39 @@ def test_a_mission_has_drones_flown_so(peers: Peers, make: Open) -> None:
     assert drone.until(lambda: bool(drone.sent_to(7, 0)))
     position, velocity, _, rate = told(b"\x70" + drone.sent_to(7, 0)[0])
     assert (position, velocity, rate) == ([0.5, 0, 0.8], [0.1, 0.2, 0.3], 0)
+
+
+def along(velocity: Sequence[float], acceleration: Sequence[float], x: float) -> Setpoint:
+    """A setpoint of an agent on a trajectory that turns by 0.4 rad/s."""
+    return dataclasses.replace(
+        setpoint(velocity),
+        position=np.array([[x, 2.0, 0.8]]),
+        acceleration=np.array([acceleration]),
+        yaw_rate=np.array([0.4]),
+    )
+
+
+def test_states_of_trajectories_are_ahead_with_their_acceleration(clock: Clock) -> None:
+    states = WholeStates(1, TICK, clock)
+    states.packets(setpoint([0, 0, 0]), at([1, 2, 0.8]), [12])
+    clock.time += TICK
+    packet = states.packets(along([0.5, 0, 0], [1.5, 0, 0], 1.02), at([1, 2, 0.8]), [12])[0]
+    _, *values = struct.unpack("<BhhhhhhhhhIhhh", packet[1:])
+    ahead = 0.06 + TICK / 2
+    assert values[0] == pytest.approx(1000 + 500 * ahead, abs=1)  # mm, from where it was sent
+    assert values[3] == pytest.approx(500 + 1500 * ahead, abs=1)
+    assert values[6:9] == [1500, 0, 0]
+    assert values[12] == 400
+    clock.time += TICK
+    position, *_ = told(states.packets(setpoint([0, 0, 0]), at([1, 2, 0.8]), [12])[0])
+    assert position[0] == pytest.approx(1 + 0.5 * TICK, abs=1e-3)  # goes on from there
+
+
+def test_velocities_of_trajectories_make_up_for_the_lag() -> None:
+    velocities = Velocities(1, TICK)
+    wanted = along([0.5, 0, 0], [1.5, 0, 0], 1.02)
+    packet = velocities.packets(wanted, at([1, 2, 0.8]), [12])[0]
+    kind, vx, vy, _, rate = struct.unpack("<Bffff", packet[1:])
+    assert (kind, vy) == (VELOCITY, 0.0)
+    assert vx == pytest.approx(0.5 + 1.5 * (0.04 + TICK / 2 + 1 / 4.574), abs=1e-3)
+    assert rate == pytest.approx(math.degrees(0.4), abs=1e-3)

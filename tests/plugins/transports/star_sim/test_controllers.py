@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from star_core import Array, Order, Registry, fly, load
+from star_core import Array, Order, Registry, Setpoint, Supervisor, fly, load
 from star_sim import airframe, powertrain
 from star_sim.drone import DEMAND, FREE, POSITION, SPEED
 from star_sim.powertrain import motor_voltage
@@ -186,3 +186,19 @@ def test_motors_are_lowered_together_to_avoid_saturation(start: Flying) -> None:
     greatest = np.max(pwm, axis=1)
     assert greatest.max() == pytest.approx(65535.0, abs=1e-6)
     assert (np.array(pwm)[greatest > 65534.0].min(axis=1) < 60000.0).any()
+
+
+def test_a_full_state_levels_and_locks_in_silence_as_a_velocity(start: Flying) -> None:
+    flight = hover(start, "mellinger")
+    still, on = np.zeros((1, 3)), np.ones(1, np.bool_)
+    moves, position = np.array([[0.6, 0.0, 0.0]]), flight.position.copy()
+    for _ in range(150):
+        position += flight.period * moves
+        flight.simulator.send(Setpoint(moves, np.zeros(1), on, position, still))
+        flight.fly(flight.period)
+    assert flight.position[0] == pytest.approx(position[0], abs=0.12)
+    assert flight.telemetry.velocity[0, 0] == pytest.approx(0.6, abs=0.1)
+    flight.fly(1.5)
+    assert abs(flight.telemetry.velocity[0, 0]) < 0.1
+    flight.fly(1.0)
+    assert Supervisor.LOCKED in flight.state()
