@@ -8,6 +8,7 @@ processes of a computer share. The drones have Lighthouse decks, which their par
 from __future__ import annotations
 
 import math
+import sys
 import time
 from collections.abc import Callable, Mapping
 from contextlib import closing
@@ -30,6 +31,8 @@ from star_sim import OPTIONS, simulator_arguments
 
 HIGH: Final = 0.5  # m: a drone above it has taken off
 FLOWN: Final = 1.0  # s, after which the fault begins
+NEAR: Final = 0.15  # m, within which an estimate is of the right drone
+ON_FLOOR: Final = 0.05  # m
 START: Final = 30.0  # s, within which the fleet starts
 
 MISSION: Final = """\
@@ -178,32 +181,47 @@ def serve(connection: Connection, seed: int, fault: Mapping[str, Any], at_once: 
         connection.send((injected, samples))
 
 
+def reported(flight: Flown, *, good: bool) -> bool:
+    """Report on stderr how a flight was that is not as it should be; return whether it is."""
+    if not good:
+        events = [
+            (round(at - flight.injected, 2), text)
+            for at, text in flight.events
+            if any(word in text for word in ("motion capture", "lost", "late", "brakes", "slow"))
+        ]
+        outcome = flight.summary["outcome"], flight.summary["reason"]
+        figures = f"gaps {flight.gaps}, worst {flight.worst:.3f} m, highest {flight.highest:.2f} m"
+        print(outcome, figures, events, file=sys.__stderr__, flush=True)
+    return good
+
+
 def brief_loss(seed: int) -> bool:
     """Whether an agent flies on by odometry while its body is lost for 0.3 s."""
     flight = flown({"mode": "off", "rows": [0], "seconds": 0.3}, seed=seed)
-    completed = flight.summary["outcome"] == "completed"
-    return completed and flight.injected < math.inf and flight.gaps == 0 and flight.worst < 0.15
+    completed = flight.summary["outcome"] == "completed" and flight.injected < math.inf
+    return reported(flight, good=completed and flight.gaps == 0 and flight.worst < NEAR)
 
 
 def long_loss(seed: int) -> bool:
     """Whether an agent whose body is lost is landed by `position_lost` within 1.2 s."""
     flight = flown({"mode": "off", "rows": [0], "seconds": 60.0}, seed=seed)
-    return 0.9 <= flight.after("cf1", "position_lost") <= 1.2
+    return reported(flight, good=0.9 <= flight.after("cf1", "position_lost") <= 1.2)
 
 
 def exchange(seed: int) -> bool:
     """Whether exchanged bodies are noticed within 0.5 s, and the flight goes on."""
     fault = {"mode": "wrong", "rows": [0, 1], "seconds": 60.0, "values": {"swap": True}}
     flight = flown(fault, seed=seed)
-    noticed = flight.after("exchanges bodies") <= 0.5
-    return noticed and flight.summary["outcome"] == "completed" and flight.worst < 0.15
+    completed = flight.summary["outcome"] == "completed" and flight.worst < NEAR
+    return reported(flight, good=completed and flight.after("exchanges bodies") <= 0.5)
 
 
 def unmeasured(seed: int) -> bool:
     """Whether no agent takes off while one of them has no poses."""
     fault = {"mode": "off", "rows": [1], "seconds": 60.0}
     flight = flown(fault, seed=seed, at_once=True)
-    return flight.summary["outcome"] != "completed" and flight.highest < 0.05
+    failed = flight.summary["outcome"] != "completed"
+    return reported(flight, good=failed and flight.highest < ON_FLOOR)
 
 
 LOSSES: Final[dict[str, Callable[[int], bool]]] = {

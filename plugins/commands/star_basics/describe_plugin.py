@@ -110,7 +110,8 @@ def _of_type(name: str, rules: Mapping[str, Any], shared: Mapping[str, Any]) -> 
             values = rules.get("additionalProperties")
             if "properties" in rules or not isinstance(values, dict):
                 return "map"
-            return f"map of names to {allowed(resolved(values, shared), {})}s"
+            kind = allowed(resolved(values, shared), {})
+            return f"map of names to {kind if kind.endswith('s') else f'{kind}s'}"
         case _:
             return name
 
