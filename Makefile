@@ -8,7 +8,7 @@ FLIGHTS ?= 100
 
 .DEFAULT_GOAL := help
 unexport PYTHONDONTWRITEBYTECODE  # the tests start many processes
-.PHONY: help fly test check generated pictures docs air bench campaign faults link-cuts mocap preflight guardian safe-defaults killed-studies mutants scenarios fuzz soak lowest clean
+.PHONY: help fly test check generated pictures docs air bench campaign faults link-cuts mocap preflight imported guardian safe-defaults killed-studies mutants scenarios fuzz soak lowest clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 12
@@ -72,6 +72,9 @@ mocap: $(VENV)/.ready  ## the tables of docs/mocap.md: flights by motion capture
 
 preflight: $(VENV)/.ready  ## injected faults that `star preflight` names, and its false alarms (docs/hardware.md); long
 	$(BIN)/python -m tests.campaign.preflight
+
+imported: $(VENV)/.ready  ## flights of imported files of the original STAR: drawn ones, or those of FOLDER; long
+	$(BIN)/python -m tests.campaign.imported $(FOLDER)
 
 guardian: $(VENV)/.ready  ## the table of docs/guardian.md: flights whose program or guardian dies; long
 	$(BIN)/python -m tests.campaign.guardian

@@ -18,7 +18,7 @@ _HINTS = dict.fromkeys(
 def star_formats() -> Iterator[FormatSpec]:
     yield FormatSpec(
         name="original-star",
-        summary="Files and folders of the original STAR and of Crazyswarm2.",
+        summary="Files and folders of the original STAR, of Crazyswarm2 and of Crazyswarm.",
         recognizes=deferred("star_import.sources:recognizes"),
         load=deferred("star_import.folder:load"),
         check=deferred("star_import.folder:check"),
@@ -31,7 +31,7 @@ def star_file_kinds() -> Iterator[FileKindSpec]:
         name="crazyswarm2",
         summary="Crazyswarm2's robots.",
         noun="a file of Crazyswarm2",
-        keys=("robots", "robot_types", "fileversion"),
+        keys=("robots", "robot_types", "fileversion", "crazyflies", "crazyflieTypes"),
         hints=_HINTS,
     )
     yield FileKindSpec(
@@ -47,7 +47,7 @@ def star_file_kinds() -> Iterator[FileKindSpec]:
 def star_commands() -> Iterator[CommandSpec]:
     yield CommandSpec(
         name="import",
-        summary="Convert files of the original STAR or of Crazyswarm2 to a mission and its world.",
+        summary="Convert files of the original STAR or of Crazyswarm2 to missions and worlds.",
         configure=deferred("star_import.command:configure"),
         run=deferred("star_import.command:run"),
         group="Author",

@@ -2,32 +2,36 @@
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
 
-from star_core import InputError
+from star_core import InputError, Registry, load
+from star_core.toolkit import actions
+from star_import.calibration import Calibration, calibration
 from star_import.config import Config, config
-from star_import.firmware import common_parameters
 from star_import.import_log import ImportLog, show
-from star_import.mission_text import Frame, mission_lines
-from star_import.obstacles import Wall, inside, walls
-from star_import.output_files import OutputFiles, Room, around, corners, world_lines
+from star_import.mission_text import Frame, mission_lines, reaction
+from star_import.motion_capture import capture
+from star_import.obstacles import Wall, has_inside, walls
+from star_import.output_files import OutputFiles, Room, around, corners
 from star_import.records import Record, records
 from star_import.robots import Robot, command_line_agents, positioning, robots
 from star_import.sources import Sources
 from star_import.steps import Steps
 from star_import.tags import EDGE, Reading, Sheet, sheets
-from star_import.text import Line, word
+from star_import.text import Line
+from star_import.trajectories import Trajectories
 
 CRUISE: Final = 0.5  # m/s, for trajectories: default speed limit of STAR's missions
 LOW: Final = 0.2  # m, the lowest for trajectories, whose z often descends below the take-off height
-TRAJECTORY_HEIGHT: Final = 1.0  # m, take-off height of Crazyswarm2's examples
 MARGIN: Final = 1.0  # m, of the fence around all positions in the files
 FARTHEST: Final = 1000.0  # m, of a position along an axis
 WIDE: Final = 3.0  # m, the same around agents that fly trajectories, of unknown extent
+CLEARANCE: Final = 0.2  # m, of planner `visibility`: nearer to it an obstacle is virtual
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,87 +43,182 @@ class ImportOptions:
         agents: ``NAME=X,Y`` each.
         fence: None fits it around everything.
         edge: Edge of tags, m; None takes that of a file or the original's.
-        corners: Whether positions of tags are those of their corners.
+        corners: Whether positions of tags are those of their corners; None takes what the file
+            has for flights as executed, and their centers otherwise.
         target_positions: Positions of targets that have none, m.
-        speed: Flight speed, m/s.
-        timescale: Factor by which trajectories are stretched.
+        new_target: How a position is given to a target, with ``{}`` for its number.
+        virtual: Names of obstacles that are virtual in any case, or ``all``.
+        speed: Speed limit, m/s.
+        acceleration: Acceleration limit, m/s².
+        trajectories: How they are flown.
         as_executed: Whether to reproduce what the original did where that differs from the intent.
-        direct: Whether the files are flown as they are; tags that would overlap are smaller then,
-            and trajectories stay where they are.
+        direct: Whether the files are flown as they are; trajectories stay where they are then.
     """
 
     name: str | None = None
     agents: Sequence[str] = ()
     fence: Room | None = None
     edge: float | None = None
-    corners: bool = False
+    corners: bool | None = None
     target_positions: Mapping[int, tuple[float, float]] = field(default_factory=dict)
+    new_target: str = "--target {}=X,Y"
+    virtual: Collection[str] = ()
     speed: float | None = None
-    timescale: float = 1.0
+    acceleration: float | None = None
+    trajectories: Trajectories = field(default_factory=Trajectories)
     as_executed: bool = False
     direct: bool = False
 
 
-def assemble(sources: Sources, options: ImportOptions, log: ImportLog) -> OutputFiles:
+def assemble(
+    sources: Sources, options: ImportOptions, log: ImportLog, registry: Registry
+) -> OutputFiles:
     """Return the output files of an import.
 
     Raises:
         InputError: They cannot be imported; lists every reason.
     """
+    if sources.broken:
+        raise sources.broken
     swarm = _swarm(sources, options, log)
     numbers = config(sources.config[1], log) if sources.config else Config()
-    built = walls(sources.environment[1], log) if sources.environment else []
-    edge = options.edge or _edge(sources, log)
-    reading = Reading(edge, options.corners, options.target_positions, options.direct)
-    printed = sheets(sources.environment[1], reading, log) if sources.environment else []
-    printed = [sheet for sheet in printed if not _inside(sheet, built, log)]
+    room = sources.environment[1] if sources.environment else None
+    built = walls(room, log, flat=numbers.expansion <= 1) if room else []
+    corner = options.as_executed and not numbers.centred
+    reading = Reading(
+        edge=options.edge or _edge(sources, log),
+        corners=corner if options.corners is None else options.corners,
+        target_positions=options.target_positions,
+        new_target=options.new_target,
+    )
+    printed = sheets(room, reading, log) if room else []
     commands: list[Record] = []
     if sources.mission:
         with log.collected():
             commands = records(sources.mission[1], [robot.name for robot in swarm], log)
-    parameters, located_by = _hardware(sources, swarm, log)
+    cameras = _calibrations(sources, log)
+    measured = capture(sources.capture[1] if sources.capture else None, swarm, log)
     _check_positions(built, printed, swarm, commands, log)
+    flown = options.trajectories.flown(sources, swarm, log, direct=options.direct)
     log.raise_problems()
-    _log_differences(sources, log, as_executed=options.as_executed, built=built)
+    _log_sources(sources, log)
     points = corners(built, printed) + [robot.start[:2] for robot in swarm]
-    points += [record.point[:2] for record in commands if record.task.startswith("goto")]
-    room = options.fence or around(points or [(0.0, 0.0)], WIDE if sources.trajectories else MARGIN)
-    if options.fence is None:
-        log.add("fence", f"not in the files; from {show(room.low)} to {show(room.high)} m")
-    made_of = ", ".join(path.name for path in sources.paths)
+    points += _reached(commands, numbers, len(swarm))
+    fence = options.fence or around(points or [(0.0, 0.0)], WIDE if flown.agents else MARGIN)
     name = _named(options.name or sources.paths[0].stem)
     world = _named(sources.environment[0].stem if sources.environment else f"{name}-room")
-    world_file = f"worlds/{world}.yaml"
-    lines = {world_file: world_lines(world, made_of, room, built, printed)}
+    output = OutputFiles(
+        made_of=", ".join(path.name for path in sources.paths),
+        mission=f"{name}.yaml" if swarm else None,
+        world=f"worlds/{world}.yaml",
+        room=fence,
+        walls=built,
+        sheets=printed,
+        virtual=_virtual(built, printed, options, log),
+        copies=flown.copies,
+        written=flown.lines,
+    )
     if not swarm:
-        return OutputFiles(lines, None, world_file, room)
+        return output
     speed = options.speed or (numbers.speed if sources.mission else CRUISE)
     frame = Frame(
         name=name,
-        made_of=made_of,
-        world=world_file,
+        made_of=output.made_of,
+        world=output.world,
         speed=max(numbers.climb, speed),
+        acceleration=options.acceleration,
         height=numbers.heights if sources.mission else (LOW, numbers.heights[1]),
+        exact=options.as_executed,
         zone=numbers.zone,
-        planner=_planner(built, options, log),
+        planner=_planner(built, options, numbers, sources, log),
+        tags=bool(printed),
         landmarks=any(sheet.kind == "landmarks" for sheet in printed),
-        positioning=located_by,
-        parameters=parameters,
+        cameras=cameras,
+        pitch_deg=numbers.pitch_deg if sources.config else None,
+        capture=measured,
+        reactions=_reactions(printed if commands else [], numbers, speed),
     )
-    log.add(name, _chosen(frame, commands, numbers, speed, _origin(sources)))
-    copies = {
-        path.name if options.direct else f"paths/{path.name}": path for path in sources.trajectories
-    }
+    _log_choices(frame, sources, swarm, options, fence, log)
     steps: list[Line] = []
     if sources.mission:
-        writer = Steps(
-            [robot.name for robot in swarm], numbers, speed, log, as_executed=options.as_executed
-        )
+        names = [robot.name for robot in swarm]
+        writer = Steps(names, numbers, speed, log, as_executed=options.as_executed)
         steps = writer.write(commands)
-    if sources.trajectories or not sources.mission:
-        steps += _trajectories(sources, copies, options, log)
-    lines[f"{name}.yaml"] = mission_lines(frame, swarm, steps, log)
-    return OutputFiles(lines, f"{name}.yaml", world_file, room, copies)
+    if flown.agents or not sources.mission:
+        steps += options.trajectories.steps(flown, sources, log)
+    output = replace(output, steps=mission_lines(frame, swarm, steps, log))
+    return replace(output, virtual=output.virtual | _too_near(output, registry, log))
+
+
+def _virtual(
+    built: Sequence[Wall], printed: Sequence[Sheet], options: ImportOptions, log: ImportLog
+) -> frozenset[str]:
+    """Return the walls that are virtual, since a user wants it or a tag is in them."""
+    virtual = {wall.name for wall in built if {wall.name, "all"} & {*options.virtual}}
+    if options.as_executed:
+        for wall in built:
+            log.assumed(wall.location, "is virtual, as all obstacles of the original", wall.name)
+        return frozenset(wall.name for wall in built)
+    for wall in built:
+        hidden = [sheet for sheet in printed if any(has_inside(wall, c) for c in sheet.centres)]
+        if hidden and wall.name not in virtual:
+            virtual.add(wall.name)
+            log.changed(wall.location, f"is virtual, since {hidden[0].name} is in it", wall.name)
+    return frozenset(virtual)
+
+
+def _reactions(printed: Sequence[Sheet], numbers: Config, speed: float) -> list[Line]:
+    """Return the lines of the reactions to targets."""
+    targets = [sheet for sheet in printed if sheet.kind == "targets"]
+    return [
+        line
+        for target in targets
+        for line in reaction(target, numbers.sight, numbers.height, speed)
+    ]
+
+
+def _too_near(output: OutputFiles, registry: Registry, log: ImportLog) -> set[str]:
+    """Return names of the walls that agents cannot keep clear of, and log why.
+
+    The steps of the mission, as they are flown if every wall is virtual, say where agents are.
+    """
+    rest = [wall for wall in output.walls if wall.name not in output.virtual]
+    if not rest:
+        return set()
+    every = frozenset(wall.name for wall in output.walls)
+    with replace(output, virtual=every).staged(Path(output.mission or "")) as staged:
+        mission = load(staged, registry)
+    scene, names = mission.scene, set[str]()
+    floor = scene.world.fence.low[2]
+    points = [(f"{agent.name} starts", *agent.start) for agent in scene.agents]
+    for action in actions(mission.all_steps):
+        spec = registry.find("task", action.verb).offer
+        if spec.goals is not None:
+            goals = spec.goals(scene, action.rows, **action.options)
+            points += [(f"{action.verb} leads", *goal.position) for goal in goals]
+    highest = max(z for *_, z in points)
+    for wall in rest:
+        solid = wall.solid
+        for what, x, y, z in points:
+            away = solid.distance((x, y, floor), highest if z <= floor else z)
+            if away < CLEARANCE:
+                distance = f"{away:.2f} m from it" if away else "into it"
+                text = f"is virtual, since {what} {distance}, nearer than {CLEARANCE} m"
+                log.changed(wall.location, text, wall.name)
+                names.add(wall.name)
+                break
+    return names
+
+
+def _reached(
+    commands: Sequence[Record], numbers: Config, count: int
+) -> Iterator[tuple[float, float]]:
+    """Yield corners around the positions to which records lead agents, m."""
+    for record in commands:
+        if record.task.startswith("goto"):
+            reach = 2 * numbers.zone * (math.ceil(math.sqrt(len(record.agents) or count)) - 1)
+            x, y, _ = record.point
+            yield from ((x - reach, y - reach), (x + reach, y + reach))
 
 
 def _check_positions(
@@ -149,8 +248,9 @@ def _swarm(sources: Sources, options: ImportOptions, log: ImportLog) -> list[Rob
     """Return all agents named by a file or the command line."""
     agents = command_line_agents(options.agents, log.new_agent.partition("{}")[0])
     if sources.robots:
+        types = sources.types[1] if sources.types else None
         with log.collected():
-            agents = [*robots(sources.robots[1], log), *agents]
+            agents = [*robots(sources.robots[1], types, log), *agents]
     names = [robot.name for robot in agents]
     for robot in agents[len(agents) - len(options.agents) :]:
         if names.count(robot.name) > 1:
@@ -164,77 +264,89 @@ def _swarm(sources: Sources, options: ImportOptions, log: ImportLog) -> list[Rob
     return agents
 
 
-def _hardware(
-    sources: Sources, swarm: Sequence[Robot], log: ImportLog
-) -> tuple[dict[str, float], str]:
-    """Firmware parameters common to all robots, and the system that localized the swarm."""
-    if not sources.robots:
-        return {}, ""
-    file, parameters, system = sources.robots[1], {}, ""
-    listed = file.need("robots").map()
-    names = [robot.name for robot in swarm if robot.name in listed]
-    with log.collected():
-        parameters = common_parameters(file, names, log)
-        system = positioning(file, names, list(parameters))
-    return parameters, system
+def _calibrations(sources: Sources, log: ImportLog) -> list[Calibration]:
+    cameras = []
+    for path, file in sources.calibrations:
+        with log.collected():
+            cameras.append(calibration(path, file, log))
+    return cameras
 
 
-def _log_differences(
-    sources: Sources, log: ImportLog, *, as_executed: bool, built: Sequence[Wall]
+def _log_sources(sources: Sources, log: ImportLog) -> None:
+    """Log what of the files has no effect at all."""
+    if sources.config and not sources.environment:
+        chosen = sources.config[1].map().get("environment_file")
+        if chosen is not None and chosen.data:
+            text = "this environment is not among the files; the mission is flown in none"
+            log.changed(chosen.begins_at, text)
+    if sources.server:
+        text = "options of Crazyswarm2's server; STAR's transports and simulator have their own"
+        log.ignored(sources.server[1].begins_at, text)
+    if sources.tags:
+        tags = sources.tags[1]
+        if (family := tags.map().get("family")) is not None and str(family.data) != "36h11":
+            log.changed(family.begins_at, "tags are of the family 36h11, as in the original")
+        why = "is an option of another detector"
+        log.ignore_keys(tags, {"family", "size"}, why=why)
+    for path in sources.others:
+        log.ignored(str(path.parent), "no files of the original STAR or Crazyswarm2", path.name)
+
+
+def _log_choices(
+    frame: Frame,
+    sources: Sources,
+    swarm: Sequence[Robot],
+    options: ImportOptions,
+    fence: Room,
+    log: ImportLog,
 ) -> None:
-    """Log differences that apply to every import."""
-    if sources.mission:
-        where = str(sources.mission[0])
-        log.add(where, "the original has timeouts only at take-off; here every step has one")
-        if built and not as_executed:
-            log.add(where, "the planner keeps 0.2 m from obstacles, the original no distance")
-
-
-def _origin(sources: Sources) -> str:
-    return f"of {sources.config[0].name}" if sources.config else "not in the files"
-
-
-def _chosen(
-    frame: Frame, commands: Sequence[Record], config: Config, speed: float, origin: str
-) -> str:
-    """List numbers of the mission that are the original's defaults or of its configuration."""
+    """Log numbers that are in no file, and differences that apply to every import."""
+    if options.fence is None:
+        log.assumed("fence", f"from {show(fence.low)} to {show(fence.high)} m, around everything")
     low, high = frame.height
-    described = [
-        f"limits.speed {show(frame.speed)} m/s",
-        f"limits.height {show(low)} to {show(high)} m",
-    ]
-    if any(record.task.startswith("goto") for record in commands):
-        described += [f"of goto: speed {show(speed)} m/s", f"within {show(config.reached)} m"]
-        described += [f"spacing {show(2 * config.zone)} m where several fly to one position"]
-    return f"numbers {origin}: {', '.join(described)}"
-
-
-def _planner(built: Sequence[Wall], options: ImportOptions, log: ImportLog) -> str:
-    if not built:
-        return "straight"
-    if options.as_executed:
-        log.add("planner", "keeps no distance from obstacles, as executed")
-        return "{use: visibility, clearance: 0}"
-    return "visibility"
-
-
-def _trajectories(
-    sources: Sources, copies: Mapping[str, Path], options: ImportOptions, log: ImportLog
-) -> Iterator[Line]:
-    """Yield the steps of Crazyswarm2's trajectories, with a take-off and a landing."""
-    if sources.mission:
-        log.add(str(sources.mission[0]), "trajectories are flown after its commands")
-    log.add("mission", f"a take-off to {TRAJECTORY_HEIGHT:g} m and a landing, which are not "
-              "in the files, are added")  # fmt: skip
-    yield Line(f"  - takeoff: {{height: {TRAJECTORY_HEIGHT:g}}}")
-    slow = f", timescale: {show(options.timescale)}" if options.timescale != 1.0 else ""
-    for name, path in copies.items():
-        log.add(
-            str(path),
-            "durations in s, x, y and z in m, yaw in rad; flown by all, each from its position",
+    if not sources.config:
+        log.assumed(
+            "limits",
+            f"speed {show(frame.speed)} m/s, heights {show(low)} to {show(high)} m: no config.yaml",
         )
-        yield Line(f"  - follow: {{file: {word(name)}, format: poly7{slow}}}", str(path))
-    yield Line("  - land: {}")
+    if frame.exact:
+        log.assumed("limits", "positions are treated as exact, as executed: uncertainty_margin 0")
+    if system := positioning(swarm):
+        localizer = "apriltag" if frame.landmarks else "flow"
+        log.changed(
+            swarm[0].location,
+            f"the swarm was localized by {system}; it is flown by `{localizer}`, which needs a "
+            "Flow deck on each drone; see localizer `mocap` for the alternative",
+        )
+    if sources.mission:
+        log.assumed(
+            str(sources.mission[0]), "every step has a timeout, the original's take-off only"
+        )
+    if frame.reactions:
+        assert sources.environment is not None  # noqa: S101 -- targets are in it
+        log.assumed(
+            str(sources.environment[0]),
+            "the first agent that comes near a target that was found flies to it and lands",
+        )
+
+
+def _planner(
+    built: Sequence[Wall],
+    options: ImportOptions,
+    numbers: Config,
+    sources: Sources,
+    log: ImportLog,
+) -> str:
+    turn = f", yaw_rate_deg: {show(numbers.turn * numbers.rate)}" if sources.mission else ""
+    if not built:
+        return f"{{use: straight{turn}}}" if turn else "straight"
+    if options.as_executed:
+        log.assumed("planner", "keeps no distance from obstacles, as executed")
+        return f"{{use: visibility, clearance: 0{turn}}}"
+    where = sources.environment[1].begins_at if sources.environment else "planner"
+    text = f"the planner keeps {CLEARANCE} m from obstacles that are not virtual, the original none"
+    log.changed(where, text)
+    return f"{{use: visibility{turn}}}" if turn else "visibility"
 
 
 def _edge(sources: Sources, log: ImportLog) -> float:
@@ -245,16 +357,6 @@ def _edge(sources: Sources, log: ImportLog) -> float:
                 return edge
             raise size.wrong(f"{edge:g}, expected a number more than 0")
     return EDGE
-
-
-def _inside(sheet: Sheet, built: Sequence[Wall], log: ImportLog) -> bool:
-    """Return whether a tag of a sheet is inside a wall, which is logged."""
-    for wall in built:
-        if any(inside(wall, centre) for centre in sheet.centres):
-            tags = ", ".join(map(str, sheet.numbers))
-            log.warning(sheet.location, f"tags {tags} are inside {wall.name}; ignored")
-            return True
-    return False
 
 
 def _named(text: str) -> str:

@@ -1,58 +1,117 @@
-"""Command line of ``star import``: reads files, logs assumptions, and writes STAR's files."""
+"""Command line of ``star import``: reads files, reports what became of them, and writes STAR's."""
 
 from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from star_core import InputError, Registry
 from star_import.assembly import ImportOptions, assemble
-from star_import.import_log import ImportLog
-from star_import.output_files import Room
-from star_import.sources import sorted_out
+from star_import.import_log import ImportLog, as_json, table
+from star_import.output_files import OutputFiles, Room, write
+from star_import.selection import Choice, selected
+from star_import.sources import Sources
 from star_import.tags import EDGE
+from star_import.trajectories import Trajectories
 
 
 def run(flags: argparse.Namespace, registry: Registry) -> int:
-    """Import files and return the exit status, 0.
+    """Import files; return 0, or 2 if some of several missions cannot be imported.
 
     Raises:
-        InputError: They cannot be imported; lists every reason.
+        InputError: No mission can be imported; lists every reason.
     """
-    log = ImportLog()
     options = ImportOptions(
         name=flags.name,
         agents=flags.agent,
         fence=_fence(flags.fence),
         edge=flags.tag_size,
-        corners=_corners(flags),
+        corners=None if flags.tag_origin is None else flags.tag_origin == "corner",
         target_positions=_target_positions(flags.target),
+        virtual=flags.virtual,
         speed=flags.speed,
-        timescale=flags.timescale,
+        acceleration=flags.acceleration,
+        trajectories=Trajectories(
+            timescale=flags.timescale,
+            bridge=flags.bridge_gaps,
+            on_board=flags.on_board,
+            assigned=dict(_assigned(flags.trajectory)),
+            speed=flags.speed,
+        ),
         as_executed=flags.as_executed,
     )
     folder = Path(flags.out)
-    sources = sorted_out([Path(file) for file in flags.files], registry)
-    output = assemble(sources, options, log)
-    output.check(folder)
-    files = output.write(folder, force=flags.force)
-    sys.stdout.write("".join(f"{line}\n" for line in log.messages))
-    sys.stdout.write(f"written: {', '.join(map(str, files))}\n")
-    return 0
+    choice = Choice(flags.environment or "", "--environment ")
+    missions = [*selected([Path(file) for file in flags.files], choice, registry)]
+    if len(missions) > 1 and flags.name:
+        raise InputError("--name: there are several missions, which keep theirs", "option-conflict")
+    log = ImportLog()
+    outputs = [*_imported(missions, options, folder, log, registry)]
+    files = write(outputs, folder, force=flags.force)
+    refused = len(missions) - len(outputs)
+    if flags.json:
+        sys.stdout.write(as_json(log.notes, map(str, files)))
+    else:
+        sys.stdout.write(table(log.notes))
+        sys.stdout.write(f"written: {', '.join(map(str, files))}\n")
+        if refused:
+            sys.stdout.write(f"{refused} of {len(missions)} missions cannot be imported\n")
+    return 2 if refused else 0
+
+
+def _imported(
+    missions: Sequence[Sources],
+    options: ImportOptions,
+    folder: Path,
+    log: ImportLog,
+    registry: Registry,
+) -> Iterator[OutputFiles]:
+    """Yield the files of every mission that can be imported; an obstacle is virtual in all or none.
+
+    Raises:
+        InputError: None can be; lists every reason.
+    """
+    good, problems = list[Sources](), list[str]()
+    virtual = set(options.virtual)
+    for sources in missions:
+        own = ImportLog()
+        try:
+            output = assemble(sources, options, own, registry)
+            output.check(folder)
+        except InputError as error:
+            problems += error.problems
+            log.refuse(error)
+            continue
+        good.append(sources)
+        virtual |= output.virtual
+        log.notes += own.notes
+    if not good:
+        raise InputError(list(dict.fromkeys(problems)))
+    for sources in good:
+        yield assemble(sources, replace(options, virtual=virtual), ImportLog(), registry)
 
 
 def configure(line: argparse.ArgumentParser) -> None:
     """Add the options of the command."""
     line.description = (
-        "Convert files of the original STAR (mission, environment) and of Crazyswarm2 "
-        "(crazyflies.yaml, trajectories) to a mission and its world, and list all assumptions."
+        "Convert files of the original STAR (its launch folder, or any of its files), of "
+        "Crazyswarm2 (crazyflies.yaml, motion_capture.yaml, trajectories) and of Crazyswarm "
+        "(allCrazyflies.yaml, crazyflieTypes.yaml) to missions and their worlds, and list what "
+        "was refused, changed, assumed and ignored."
     )
-    line.add_argument("files", nargs="+", metavar="FILE", help="files to import, in any order")
+    line.add_argument(
+        "files", nargs="+", metavar="FILE", help="files and folders to import, in any order"
+    )
     line.add_argument("--out", metavar="DIR", default="imported", help="write to DIR (%(default)s)")
     line.add_argument("--force", action="store_true", help="overwrite existing files")
+    line.add_argument("--json", action="store_true", help="print the list as JSON")
     line.add_argument("--name", help="name of the mission (that of its file)")
+    line.add_argument(
+        "--environment", metavar="NAME", help="environment to fly in (that of config.yaml)"
+    )
     line.add_argument(
         "--agent",
         action="append",
@@ -66,6 +125,14 @@ def configure(line: argparse.ArgumentParser) -> None:
         default=[],
         metavar="TAG=X,Y",
         help="position of a target that has none in the environment, m",
+    )
+    line.add_argument(
+        "--virtual",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="obstacle that agents may fly through, or `all` (those that hold tags, starts or "
+        "goals)",
     )
     line.add_argument(
         "--fence",
@@ -83,15 +150,33 @@ def configure(line: argparse.ArgumentParser) -> None:
     line.add_argument(
         "--tag-origin",
         choices=["centre", "corner"],
-        help="reference point of tag positions (centre; corner with --as-executed)",
+        help="reference point of tag positions (centre; with --as-executed that of config.yaml)",
     )
-    line.add_argument("--speed", type=_positive, metavar="M/S", help="flight speed (0.1; 0.5)")
+    line.add_argument("--speed", type=_positive, metavar="M/S", help="speed limit (0.1; 0.5)")
+    line.add_argument(
+        "--acceleration", type=_positive, metavar="M/S2", help="acceleration limit (2)"
+    )
     line.add_argument(
         "--timescale",
         type=_positive,
         default=1.0,
         metavar="TIMES",
         help="factor by which trajectories are stretched",
+    )
+    line.add_argument(
+        "--trajectory",
+        action="append",
+        default=[],
+        metavar="NAME=FILE",
+        help="trajectory of one agent; those of several are flown at once",
+    )
+    line.add_argument(
+        "--bridge-gaps",
+        action="store_true",
+        help="bridge gaps between pieces of trajectories by further pieces",
+    )
+    line.add_argument(
+        "--on-board", action="store_true", help="let the drones' commanders fly trajectories"
     )
     line.add_argument(
         "--as-executed",
@@ -110,17 +195,21 @@ def _positive(text: str) -> float:
     return value
 
 
-def _corners(options: argparse.Namespace) -> bool:
-    if options.tag_origin is None:
-        return bool(options.as_executed)
-    return bool(options.tag_origin == "corner")
-
-
 def _fence(numbers: Sequence[float] | None) -> Room | None:
     if numbers is None:
         return None
     ax, ay, az, bx, by, bz = numbers
     return Room((ax, ay, az), (bx, by, bz))
+
+
+def _assigned(texts: Sequence[str]) -> Iterator[tuple[str, Path]]:
+    for text in texts:
+        name, _, file = text.partition("=")
+        if not name or not file:
+            raise InputError(f"--trajectory {text}: expected NAME=FILE", "invalid-input")
+        if not Path(file).is_file():
+            raise InputError(f"--trajectory {text}: no such file", "file-not-found")
+        yield name, Path(file)
 
 
 def _target_positions(texts: Sequence[str]) -> dict[int, tuple[float, float]]:

@@ -1,65 +1,51 @@
-"""Firmware parameters in Crazyswarm2's ``crazyflies.yaml``."""
+"""Firmware parameters in the files of Crazyswarm2 and Crazyswarm."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from typing import Final
 
 from star_core.formats import Value
-from star_core.toolkit import shortlist
-from star_import.import_log import ImportLog
 
-KEY: Final = "firmware_params"
+KEYS: Final = ("firmware_params", "firmwareParams")
 NAME: Final = re.compile(r"[A-Za-z0-9_]+\.[A-Za-z0-9_]+")
 CONTROLLER: Final = "stabilizer.controller"
 MELLINGER: Final = 2  # tracks positions: velocity setpoints alone do not steer it
+CONTROLLERS: Final = {0: "pid", 1: "pid", MELLINGER: "mellinger"}
+"""Controllers of the simulator, by the value of the firmware's parameter."""
+
+Parameters = Mapping[str, float]
 
 
-def common_parameters(file: Value, names: Sequence[str], log: ImportLog) -> dict[str, float]:
-    """Return the parameters that are equal for all robots, by ``group.name``.
-
-    A robot's own value overrides that of its type, which overrides the one under ``all``. A
-    parameter that differs between robots is logged.
+def parameters(levels: Iterable[Value | None]) -> dict[str, float]:
+    """Return the parameters of a robot by ``group.name``; a later level overrides earlier ones.
 
     Args:
-        file: The file, with maps under ``robots`` and, optionally, ``robot_types`` and ``all``.
-        names: Names of the enabled robots.
-        log: Log of ignored parameters.
+        levels: What may have parameters, such as the file's ``all``, a type and a robot.
 
     Raises:
         InputError: A parameter is not a number.
     """
-    of_all = _flat(file.map().get("all"))
-    types = file.map()["robot_types"].map() if "robot_types" in file.map() else {}
-    of_robot: dict[str, Mapping[str, Value]] = {}
-    for name in names:
-        robot = file.need("robots").map()[name]
-        kind = robot.map().get("type")
-        of_type = _flat(types.get(kind.text())) if kind is not None else {}
-        of_robot[name] = of_all | of_type | _flat(robot)
-    common: dict[str, float] = {}
-    for key in dict.fromkeys(key for parameters in of_robot.values() for key in parameters):
-        robots_by_value: dict[float | None, list[str]] = {}
-        for name, parameters in of_robot.items():
-            value = parameters[key].number() if key in parameters else None
-            robots_by_value.setdefault(value, []).append(name)
-        if len(robots_by_value) == 1:
-            common[key] = next(parameters[key].number() for parameters in of_robot.values())
+    values: dict[str, float] = {}
+    for level in levels:
+        if level is None:
             continue
-        values = "; ".join(
-            f"{'not set' if value is None else plain(value)} for {shortlist(robots)}"
-            for value, robots in robots_by_value.items()
-        )
-        location = next(
-            parameters[key].begins_at for parameters in of_robot.values() if key in parameters
-        )
-        log.add(
-            location,
-            f"parameter {key} differs between robots ({values}), but the radio transport sets the "
-            "same in all; ignored",
-        )
-    return common
+        for key in KEYS:
+            groups = level.map().get(key)
+            if groups is not None:
+                values |= _flat(groups)
+    return values
+
+
+def common(of_robots: Iterable[Parameters]) -> dict[str, float]:
+    """Return the parameters that are equal for all robots.
+
+    >>> common([{"a.b": 1.0, "a.c": 2.0}, {"a.b": 1.0, "a.c": 3.0}])
+    {'a.b': 1.0}
+    """
+    first, *others = [*of_robots] or [{}]
+    return {key: value for key, value in first.items() if all(o.get(key) == value for o in others)}
 
 
 def plain(value: float) -> str:
@@ -71,16 +57,13 @@ def plain(value: float) -> str:
     return f"{value:.9g}"
 
 
-def _flat(level: Value | None) -> dict[str, Value]:
+def _flat(groups: Value) -> dict[str, float]:
     """Return the parameters of one level by ``group.name``."""
-    if level is None or KEY not in level.map():
-        return {}
-    parameters: dict[str, Value] = {}
-    for group, values in level.map()[KEY].map().items():
+    flat: dict[str, float] = {}
+    for group, values in groups.map().items():
         for name, value in values.map().items():
             key = f"{group}.{name}"
             if not NAME.fullmatch(key):
                 raise value.wrong(f"{key!r} is not a parameter name")
-            value.number()
-            parameters[key] = value
-    return parameters
+            flat[key] = value.number()
+    return flat

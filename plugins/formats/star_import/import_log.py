@@ -1,50 +1,101 @@
-"""Log of what an import assumed, changed or ignored, with source locations."""
+"""Log of what an import refused, changed, assumed and ignored, with source locations."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+import json
+import re
+from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import Final
+from enum import StrEnum
+from typing import Any, Final
 
 from star_core import InputError
-from star_core.formats import Value
+from star_core.formats import Value, code_of
+from star_core.toolkit import shortlist
 
-NOT_SUPPORTED: Final = (
-    "is not supported"  # why a key of Crazyswarm2, or of a whole file, is ignored
-)
+NOT_SUPPORTED: Final = "is not supported"  # why a key of Crazyswarm2 is ignored
+WIDEST: Final = 48  # characters of a location, above which the message begins a line of its own
+LOCATED: Final = re.compile(r"(.+?):(\d+):(\d+)")
+
+
+class Severity(StrEnum):
+    """What became of something in a file, the most important first."""
+
+    REFUSED = "refused"
+    CHANGED = "changed"
+    ASSUMED = "assumed"
+    IGNORED = "ignored"
+
+
+@dataclass(frozen=True, slots=True)
+class Note:
+    """One remark about a file.
+
+    Attributes:
+        severity: What became of it.
+        location: ``file:line:col``, or what else it is about.
+        message: In words; equal for all that the same is true of.
+        about: Name of what it is true of; empty if the location says it.
+    """
+
+    severity: Severity
+    location: str
+    message: str
+    about: str = ""
+
+    @property
+    def file(self) -> str:
+        """Name of the file, or the location if that is none."""
+        match = LOCATED.fullmatch(self.location)
+        return match[1] if match else self.location
+
+    def plain(self) -> dict[str, Any]:
+        """Return it as data."""
+        match = LOCATED.fullmatch(self.location)
+        place = {"line": int(match[2]), "column": int(match[3])} if match else {}
+        about = {"about": self.about} if self.about else {}
+        return {"severity": self.severity, "file": self.file, **place, "message": self.message} | (
+            about
+        )
 
 
 @dataclass(slots=True)
 class ImportLog:
-    """Collects messages, and all problems of the files before any is raised.
+    """Collects remarks, and all problems of the files before any is raised.
 
     Attributes:
         new_agent: How an agent that the files lack is added, with ``{}`` for its name.
-        assumptions: One line each, beginning with the location.
-        warnings: One line each, beginning with the location.
+        notes: Remarks, in the order of the files.
         problems: Why the files cannot be imported, one line each.
     """
 
     new_agent: str = "--agent {}=X,Y"
-    assumptions: list[str] = field(default_factory=list)
-    warnings: list[str] = field(default_factory=list)
+    notes: list[Note] = field(default_factory=list)
     problems: list[str] = field(default_factory=list)
 
-    @property
-    def messages(self) -> list[str]:
-        """The warnings, then the assumptions."""
-        return [*dict.fromkeys(self.warnings), *self.assumptions]
+    def changed(self, location: str, message: str, about: str = "") -> None:
+        """Log what is flown differently than the files have it."""
+        self.notes.append(Note(Severity.CHANGED, location, message, about))
 
-    def add(self, location: str, message: str) -> None:
-        """Log an assumption about a location."""
-        self.assumptions.append(f"{location}: {message}")
+    def assumed(self, location: str, message: str, about: str = "") -> None:
+        """Log how something is understood that the files leave open."""
+        self.notes.append(Note(Severity.ASSUMED, location, message, about))
 
-    def warning(self, location: str, message: str) -> None:
-        """Log a warning about a location."""
-        self.warnings.append(f"{location}: warning: {message}")
+    def ignored(self, location: str, message: str, about: str = "") -> None:
+        """Log what has no effect."""
+        self.notes.append(Note(Severity.IGNORED, location, message, about))
 
-    def ignored(
+    def refuse(self, error: InputError) -> None:
+        """Log why something was not imported."""
+        for problem in error.problems:
+            match = LOCATED.match(problem)
+            where, _, message = problem.partition(": ")
+            if match and problem.startswith(f"{match[0]}: "):
+                where, message = match[0], problem.removeprefix(f"{match[0]}: ")
+            self.notes.append(Note(Severity.REFUSED, where, message))
+
+    def ignore_keys(
         self,
         entry: Value,
         read: Collection[str],
@@ -54,7 +105,7 @@ class ImportLog:
         """Log the keys of a map that are not `read`; `of` precedes them in the messages."""
         for key, value in entry.map().items():
             if key not in read:
-                self.add(value.begins_at, f"{of}{key!r} {why}; ignored")
+                self.ignored(value.begins_at, why, f"{of}{key}")
 
     @contextmanager
     def collected(self) -> Iterator[None]:
@@ -72,6 +123,50 @@ class ImportLog:
         """
         if self.problems:
             raise InputError(list(dict.fromkeys(self.problems)))
+
+    def warnings(self) -> list[str]:
+        """Return what was changed, one line each: ``file:line:col: warning: message``."""
+        notes = [note for note in self.notes if note.severity is Severity.CHANGED]
+        return [f"{note.location}: warning: {note.message}" for note in grouped(notes)]
+
+
+def grouped(notes: Iterable[Note]) -> list[Note]:
+    """Return one remark for all that the same is true of in a file, the most important first."""
+    groups: dict[tuple[Severity, str, str], list[Note]] = {}
+    for note in notes:
+        groups.setdefault((note.severity, note.file, note.message), []).append(note)
+    order = list(Severity)
+    rows = []
+    for (severity, _, message), members in groups.items():
+        names = dict.fromkeys(note.about for note in members if note.about)
+        count = "" if names or len(members) == 1 else f" ({len(members)} times)"
+        text = f"{shortlist(names)}: {message}" if names else message + count
+        rows.append(Note(severity, members[0].location, text))
+    return sorted(rows, key=lambda row: order.index(row.severity))
+
+
+def table(notes: Iterable[Note]) -> str:
+    """Return remarks as lines with severity, location and message."""
+    rows = grouped(notes)
+    width = max((len(row.location) for row in rows if len(row.location) <= WIDEST), default=0)
+    lines = []
+    for row in rows:
+        indent = " " * (9 + width + 1)
+        gap = " " * (width - len(row.location) + 1)
+        gap = f"\n{indent}" if len(row.location) > width else gap
+        lines.append(f"{row.severity:8} {row.location}{gap}{row.message}\n")
+    return "".join(lines)
+
+
+def as_json(notes: Iterable[Note], written: Iterable[str]) -> str:
+    """Return remarks, and the files that were written, as JSON."""
+    order = list(Severity)
+    listed = sorted(notes, key=lambda note: order.index(note.severity))
+    rows = [note.plain() for note in dict.fromkeys(listed)]
+    for row in rows:
+        if row["severity"] is Severity.REFUSED and (code := code_of(row["message"])):
+            row["code"] = code
+    return json.dumps({"written": list(written), "notes": rows}, indent=2) + "\n"
 
 
 def show(values: object) -> str:

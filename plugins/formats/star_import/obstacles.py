@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
@@ -12,6 +14,8 @@ from star_import.import_log import NOT_SUPPORTED, ImportLog, show
 from star_import.text import Line, word
 
 FACE: Final = 0.01  # m, from a face of a wall, within which a tag is stuck on it
+SAME: Final = 1e-6  # m: points that are nearer are one; sums of offsets have rounding errors
+READ: Final = ("use_key_point", "points", "height", "thickness")
 TOP: Final = ("environment", "april_tags", "command_sequence", "robots", "robot_types")
 
 
@@ -25,6 +29,7 @@ class Wall:
         thickness: m.
         height: Height of its bottom and its top, m.
         location: Source location, ``file:line:col``.
+        flat: Whether it ends at its first and its last point, not half a thickness beyond.
     """
 
     name: str
@@ -32,54 +37,73 @@ class Wall:
     thickness: float
     height: tuple[float, float]
     location: str
+    flat: bool
 
-    def line(self) -> Line:
+    @property
+    def solid(self) -> Obstacle:
+        """The space that it fills."""
+        return Obstacle(
+            self.name, outlines(self.points, self.thickness, flat=self.flat), self.height
+        )
+
+    def line(self, *, virtual: bool) -> Line:
         """Return it as a line of a world file."""
         points = [list(point) for point in self.points]
+        more = ", flat_ends: true" if self.flat else ""
+        more += ", virtual: true" if virtual else ""
         return Line(
             f"  {word(self.name)}: {{polyline: {show(points)}, thickness: {show(self.thickness)}, "
-            f"height: {show(self.height)}}}",
+            f"height: {show(self.height)}{more}}}",
             self.location,
         )
 
 
-def inside(wall: Wall, position: tuple[float, float]) -> bool:
+def has_inside(wall: Wall, position: tuple[float, float]) -> bool:
     """Return whether a tag on the floor is inside a wall, and not on one of its faces."""
-    solid = Obstacle(wall.name, outlines(wall.points, wall.thickness), wall.height)
-    x, y = position
+    solid, (x, y) = wall.solid, position
     return wall.height[1] > 0 and all(
         solid.contains((x + dx, y + dy, 0.0)) for dx in (-FACE, FACE) for dy in (-FACE, FACE)
     )
 
 
-def walls(file: Value, log: ImportLog) -> list[Wall]:
-    """Return the walls of an environment; invalid ones are added to the problems of `log`."""
+def walls(file: Value, log: ImportLog, *, flat: bool) -> list[Wall]:
+    """Return the walls of an environment; invalid ones are added to the problems of `log`.
+
+    Args:
+        file: The environment.
+        log: Log of assumptions.
+        flat: Whether they end at their first and last points.
+    """
     built: list[Wall] = []
     with log.collected():
-        log.ignored(file, TOP, why=NOT_SUPPORTED)
+        log.ignore_keys(file, TOP, why=NOT_SUPPORTED)
         if "environment" not in file.map():
             return built
         environment = file.map()["environment"]
-        log.ignored(environment, {"obstacles"})
+        log.ignore_keys(environment, {"obstacles"})
         if "obstacles" in environment.map():
             for name, spec in environment.map()["obstacles"].map().items():
                 with log.collected():
-                    built.append(_wall(name, spec, log))
+                    built.append(_wall(name, spec, log, flat=flat))
+    if built:
+        ends = (
+            "end at their last points" if flat else "reach half their thickness beyond their ends"
+        )
+        where = environment.begins_at
+        log.assumed(where, f"points, heights and thicknesses are in m, and walls {ends}")
     return built
 
 
-def _wall(name: str, spec: Value, log: ImportLog) -> Wall:
+def _wall(name: str, spec: Value, log: ImportLog, *, flat: bool) -> Wall:
     offsets = False
     if "use_key_point" in spec.map():
         offsets = spec.map()["use_key_point"].flag()
     else:
-        log.add(spec.begins_at, f"{name} has no 'use_key_point'; its points are absolute")
+        log.assumed(spec.begins_at, "points without 'use_key_point' are absolute", name)
     listed = spec.need("points")
     numbers = listed.numbers()
     if len(numbers) % 2:
-        log.add(
-            listed.begins_at, f"{name}: the last of {len(numbers)} numbers has no pair; ignored"
-        )
+        log.ignored(listed.begins_at, "the last number of 'points' has no pair", name)
         numbers = numbers[:-1]
     if len(numbers) < 4:  # noqa: PLR2004 -- two points
         raise listed.wrong(f"{name} has {len(numbers)} numbers, expected x and y of two points")
@@ -89,21 +113,24 @@ def _wall(name: str, spec: Value, log: ImportLog) -> Wall:
     except ValueError:
         raise height.wrong(f"{name}: expected z of the bottom and of the top, m") from None
     thickness = spec.need("thickness").number()
+    pairs = zip(numbers[::2], numbers[1::2], strict=True)
     points: list[tuple[float, float]] = []
-    x = y = 0.0
-    for dx, dy in zip(numbers[::2], numbers[1::2], strict=True):
-        x, y = (x + dx, y + dy) if offsets else (dx, dy)
-        if points and points[-1] == (x, y):
-            log.add(listed.begins_at, f"{name}: {show([x, y])} is repeated; used once")
+    for point in _absolute(pairs) if offsets else pairs:
+        if points and math.dist(points[-1], point) < SAME:
+            log.ignored(listed.begins_at, "a point is repeated", name)
         else:
-            points.append((x, y))
+            points.append(point)
     if len(points) == 1:
         raise listed.wrong(f"{name} has one point only, expected two that differ")
-    kind = "relative to the previous point, the first to the map" if offsets else "in the map"
-    log.add(
-        spec.begins_at,
-        f"{name}: {len(points)} points in m, {kind}; {show(thickness)} m thick in all; "
-        f"from {show(foot)} to {show(top)} m high",
-    )
-    log.ignored(spec, {"use_key_point", "points", "height", "thickness"}, f"{name}: ")
-    return Wall(name, tuple(points), thickness, (foot, top), spec.begins_at)
+    if math.dist(points[0], points[-1]) < SAME:
+        points[-1] = points[0]
+    log.ignore_keys(spec, READ, "obstacles.")
+    return Wall(name, tuple(points), thickness, (foot, top), spec.begins_at, flat)
+
+
+def _absolute(pairs: Iterator[tuple[float, float]]) -> Iterator[tuple[float, float]]:
+    """Yield the points of offsets, each from the one before, the first from the origin."""
+    x = y = 0.0
+    for dx, dy in pairs:
+        x, y = x + dx, y + dy
+        yield x, y

@@ -25,18 +25,41 @@ class OutputFiles:
     """The files to be written.
 
     Attributes:
-        lines: Lines of each file, by its path in the folder.
-        copies: Files to be copied, by their path in the folder.
+        made_of: Names of the files that they were imported from.
         mission: Path of the mission in the folder; None if there is a world only.
         world: Path of the world.
         room: Its fence.
+        walls: Its obstacles.
+        sheets: Its tags.
+        virtual: Names of the obstacles that are virtual.
+        steps: Lines of the mission.
+        copies: Files to be copied, by their path in the folder.
+        written: Lines of further files, by the same.
+        origin_of_all: Location of lines that were not imported; empty for none.
     """
 
-    lines: Mapping[str, Sequence[Line]]
+    made_of: str
     mission: str | None
     world: str
     room: Room
+    walls: Sequence[Wall]
+    sheets: Sequence[Sheet]
+    virtual: frozenset[str]
+    steps: Sequence[Line] = ()
     copies: Mapping[str, Path] = field(default_factory=dict)
+    written: Mapping[str, Sequence[Line]] = field(default_factory=dict)
+    origin_of_all: str = ""
+
+    @property
+    def lines(self) -> dict[str, Sequence[Line]]:
+        """Lines of each file, by its path in the folder."""
+        files = {self.world: self._world_lines(), **self.written}
+        if self.mission:
+            files[self.mission] = self.steps
+        return {
+            name: [Line(line.text, line.origin or self.origin_of_all) for line in lines]
+            for name, lines in files.items()
+        }
 
     def check(self, folder: Path) -> None:
         """Check the files as `star check` does, before they are in `folder`.
@@ -58,7 +81,7 @@ class OutputFiles:
             folder: Folder of the files in the messages.
         """
         with tempfile.TemporaryDirectory() as name:
-            self._put(Path(name))
+            self.put(Path(name))
             mission = Path(name, self.mission or PROBE)
             if not self.mission:
                 mission.write_text(self._probe(), encoding="utf-8")
@@ -72,11 +95,7 @@ class OutputFiles:
 
     def located(self, origin: str) -> OutputFiles:
         """Return the same files, in which lines that were not imported have a location too."""
-        lines = {
-            name: [Line(line.text, line.origin or origin) for line in lines]
-            for name, lines in self.lines.items()
-        }
-        return replace(self, lines=lines)
+        return replace(self, origin_of_all=origin)
 
     def origin(self, location: str, staged: Path) -> str:
         """Return where a location ``file:line:col`` of a staged file was imported from."""
@@ -84,33 +103,29 @@ class OutputFiles:
         lines = self.lines.get(file.removeprefix("::"))
         return lines[int(line) - 1].origin if lines else location
 
-    def write(self, folder: Path, *, force: bool) -> list[Path]:
-        """Write the files into a folder and return them.
-
-        Raises:
-            InputError: A file exists and `force` is not set, or a file cannot be written.
-        """
-        paths = [folder / name for name in (*self.lines, *self.copies)]
-        if existing := [path for path in paths if path.exists()]:
-            if not force:
-                raise InputError([f"{p}: exists already; --force overwrites it" for p in existing])
-            for source in self.copies.values():
-                if any(path.samefile(source) for path in existing):
-                    raise InputError([f"{source}: would be overwritten by itself; choose --out"])
-        try:
-            self._put(folder)
-        except OSError as error:
-            where = error.filename or folder
-            raise InputError([f"{where}: cannot be written: {error.strerror}"]) from error
-        return paths
-
-    def _put(self, folder: Path) -> None:
+    def put(self, folder: Path) -> None:
+        """Write the files into a folder, over others if necessary."""
         for name, lines in self.lines.items():
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
             (folder / name).write_text(whole(lines), encoding="utf-8")
         for name, source in self.copies.items():
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(source, folder / name)
+
+    def _world_lines(self) -> list[Line]:
+        lines = [
+            Line(f"# Imported by `star import` from {self.made_of}."),
+            Line("star: 1"),
+            Line(f"name: {word(Path(self.world).stem)}"),
+            Line(f"fence: {{low: {show(self.room.low)}, high: {show(self.room.high)}}}"),
+        ]
+        if self.walls:
+            lines.append(Line("obstacles:"))
+            lines += [wall.line(virtual=wall.name in self.virtual) for wall in self.walls]
+        for kind in ("landmarks", "targets"):
+            of_kind = [sheet.line() for sheet in self.sheets if sheet.kind == kind]
+            lines += [Line(f"{kind}:"), *of_kind] if of_kind else []
+        return lines
 
     def relocated(self, problem: str, staged: Path, folder: Path) -> str:
         """Return a problem of a staged file with the location the file was imported from."""
@@ -127,6 +142,29 @@ class OutputFiles:
             "transport: sim\nlocalizer: flow\nplanner: straight\navoider: none\n"
             "mission: [hold: {}]\n"
         )
+
+
+def write(outputs: Sequence[OutputFiles], folder: Path, *, force: bool) -> list[Path]:
+    """Write the files of some missions into a folder and return them.
+
+    Raises:
+        InputError: A file exists and `force` is not set, or a file cannot be written.
+    """
+    names = dict.fromkeys(name for output in outputs for name in (*output.lines, *output.copies))
+    paths = [folder / name for name in names]
+    if existing := [path for path in paths if path.exists()]:
+        if not force:
+            raise InputError([f"{p}: exists already; --force overwrites it" for p in existing])
+        for source in (source for output in outputs for source in output.copies.values()):
+            if any(path.samefile(source) for path in existing):
+                raise InputError([f"{source}: would be overwritten by itself; choose --out"])
+    try:
+        for output in outputs:
+            output.put(folder)
+    except OSError as error:
+        where = error.filename or folder
+        raise InputError([f"{where}: cannot be written: {error.strerror}"]) from error
+    return paths
 
 
 Point = tuple[float, float, float]
@@ -156,21 +194,3 @@ def corners(walls: Iterable[Wall], sheets: Iterable[Sheet]) -> list[tuple[float,
         half = wall.thickness / 2
         points += [(x + side, y + side) for x, y in wall.points for side in (-half, half)]
     return points
-
-
-def world_lines(
-    name: str, made_of: str, room: Room, walls: Sequence[Wall], sheets: Sequence[Sheet]
-) -> list[Line]:
-    """Return the lines of a world file."""
-    lines = [
-        Line(f"# Imported by `star import` from {made_of}."),
-        Line("star: 1"),
-        Line(f"name: {word(name)}"),
-        Line(f"fence: {{low: {show(room.low)}, high: {show(room.high)}}}"),
-    ]
-    if walls:
-        lines += [Line("obstacles:"), *(wall.line() for wall in walls)]
-    for kind in ("landmarks", "targets"):
-        of_kind = [sheet.line() for sheet in sheets if sheet.kind == kind]
-        lines += [Line(f"{kind}:"), *of_kind] if of_kind else []
-    return lines

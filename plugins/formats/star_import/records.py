@@ -59,7 +59,11 @@ def records(file: Value, agents: Sequence[str], log: ImportLog) -> list[Record]:
     """
     strings = file.need("command_sequence")
     values = strings.list()
-    log.ignored(file, {"command_sequence", "environment", "april_tags", "robots", "robot_types"})
+    log.ignore_keys(
+        file, {"command_sequence", "environment", "april_tags", "robots", "robot_types"}
+    )
+    units = "durations are in s, positions in m, yaw in degrees (goto_velocity) or rad (goto)"
+    log.assumed(strings.begins_at, units)
     if len(values) % len(FIELDS):
         raise strings.wrong(
             f"has {len(values)} strings, expected five for each record: {', '.join(FIELDS)}"
@@ -69,7 +73,7 @@ def records(file: Value, agents: Sequence[str], log: ImportLog) -> list[Record]:
         with log.collected():
             commands.append(_record(values[i : i + len(FIELDS)], agents, log))
     if commands and not commands[-1].waits:
-        log.add(
+        log.assumed(
             commands[-1].location, "the last record does not wait; its group ends with the list"
         )
     return commands
@@ -93,15 +97,15 @@ def _record(values: Sequence[Value], names: Sequence[str], log: ImportLog) -> Re
     if task and task not in TASKS:
         raise values[0].wrong(f"no task {task!r}, expected one of {', '.join(TASKS)}")
     if going_on not in {"wait", "conc"}:
-        log.add(values[1].begins_at, f"{going_on!r} is read as 'conc', as the original does")
+        log.assumed(values[1].begins_at, f"{going_on!r} is read as 'conc', as the original does")
     moves = task in {"goto", "goto_velocity"}
     lands = moves and argument == "land"
     if argument and not (lands or task == "hold"):
         if moves:
             raise values[3].wrong(f"argument {argument!r} of {task}, expected '' or 'land'")
-        log.add(values[3].begins_at, f"argument {argument!r} of {task or 'no task'} is ignored")
+        log.ignored(values[3].begins_at, f"{task or 'no task'} has no argument {argument!r}")
     if pose and not moves:
-        log.add(values[4].begins_at, f"pose {pose!r} of {task or 'no task'} is ignored")
+        log.ignored(values[4].begins_at, f"{task or 'no task'} has no pose {pose!r}")
     *point, yaw = _pose(values[4], task) if moves else (0.0,) * 4
     x, y, z = point
     return Record(
@@ -126,7 +130,7 @@ def _agents(value: Value, written: str, agents: Sequence[str], log: ImportLog) -
     for word in written.split():
         parts = word.split("_")
         if word not in agents and len(parts) > 1 and set(parts) <= set(agents):
-            log.add(
+            log.assumed(
                 value.begins_at, f"{word!r} is read as {' '.join(parts)!r}: spaces separate names"
             )
             names += parts
@@ -146,7 +150,7 @@ def _seconds(value: Value, log: ImportLog) -> float:
     if seconds < 0:
         raise value.wrong(f"{seconds:g} s is less than 0")
     if seconds >= LONG:
-        log.add(
+        log.assumed(
             value.begins_at,
             f"{seconds:g} is read as seconds, as the original's code does; its README says "
             "milliseconds",

@@ -7,72 +7,125 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final
+from typing import Final, TypeAlias
 
 from star_core import InputError, Registry
 from star_core.formats import Value, format_function
 
+File: TypeAlias = tuple[Path, Value]
+
 SORTS: Final[Mapping[str, frozenset[str]]] = {
     "mission": frozenset({"command_sequence"}),
     "environment": frozenset({"environment", "april_tags"}),
-    "robots": frozenset({"robots"}),
-    "config": frozenset({"environment_file", "trajectory_parameters"}),
+    "robots": frozenset({"robots", "crazyflies"}),
+    "types": frozenset({"crazyflieTypes"}),
+    "config": frozenset({"environment_file", "trajectory_parameters", "april_tag_parameters"}),
     "tags": frozenset({"family"}),
+    "calibration": frozenset({"camera_matrix"}),
+    "capture": frozenset({"/motion_capture_tracking", "motion_capture_tracking"}),
+    "server": frozenset({"/crazyflie_server", "crazyflie_server"}),
 }
 """Kinds of files, and the keys at the top by which they are recognized."""
+SINGLE: Final = ("robots", "types", "config", "tags", "capture", "server")
+"""Kinds of which a mission has one file at most, its environment apart."""
 FLOWN: Final = {"mission", "environment", "robots"}
 OWN: Final = frozenset({"star", "mission", "swarm", "world", "agents", "drones"})
 """Keys of STAR's own files."""
-KEY: Final = re.compile(rb"^([a-z_0-9]+)[ \t]*:", re.MULTILINE)
+KEY: Final = re.compile(rb"^(/?[A-Za-z_0-9]+)[ \t]*:", re.MULTILINE)
+HEADER: Final = "duration"  # begins Crazyswarm2's trajectories
 LONGEST: Final = 1_000_000  # bytes of a file, the most that is read
 DEEPEST: Final = 4  # folders below the one that is named
 MOST: Final = 1000  # files in a folder that are looked at
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class Sources:
-    """Input files by kind, if present.
+    """The files of one mission, if present.
 
     Attributes:
         mission: The original STAR's list of commands, and its path.
         environment: Its obstacles and tags, and their path.
-        robots: Crazyswarm2's robots, and their path.
+        robots: Crazyswarm2's or Crazyswarm's robots, and their path.
+        types: Crazyswarm's types of robots, and their path.
         config: The original's parameters, and their path.
         tags: The configuration of its detector of tags, and its path.
+        capture: The motion-capture system, and its path.
+        server: Options of Crazyswarm2's server and simulator, and their path.
+        calibrations: Cameras, and their paths.
         trajectories: Paths of polynomial trajectories.
+        others: Paths of files that are none of these.
+        broken: Why the mission cannot be read, if it cannot.
     """
 
-    mission: tuple[Path, Value] | None = None
-    environment: tuple[Path, Value] | None = None
-    robots: tuple[Path, Value] | None = None
-    config: tuple[Path, Value] | None = None
-    tags: tuple[Path, Value] | None = None
-    trajectories: list[Path] = field(default_factory=list)
+    mission: File | None = None
+    environment: File | None = None
+    robots: File | None = None
+    types: File | None = None
+    config: File | None = None
+    tags: File | None = None
+    capture: File | None = None
+    server: File | None = None
+    calibrations: Sequence[File] = ()
+    trajectories: Sequence[Path] = ()
+    others: Sequence[Path] = ()
+    broken: InputError | None = None
 
     @property
     def paths(self) -> list[Path]:
-        """The files, each once, that with content to fly first."""
-        files = (self.mission, self.environment, self.robots, self.config, self.tags)
-        listed = [source[0] for source in files if source] + self.trajectories
+        """The files that are known, each once, that with content to fly first."""
+        files = (self.mission, self.environment, self.robots, self.types, self.config, self.tags,
+                 self.capture, self.server, *self.calibrations)  # fmt: skip
+        listed = [*(source[0] for source in files if source), *self.trajectories]
         return list(dict.fromkeys(listed))
 
 
-def sorted_out(paths: Sequence[Path], registry: Registry) -> Sources:
-    """Read files and sort them by content.
+@dataclass(slots=True)
+class Files:
+    """Files by kind; those of folders have not been read.
+
+    Attributes:
+        named: Those that were named themselves, not by their folder.
+        by_sort: Paths of each kind; a file may be of several.
+        values: Content of those that were read.
+        trajectories: Paths of polynomial trajectories.
+        others: Paths of all other files.
+    """
+
+    named: set[Path] = field(default_factory=set)
+    by_sort: dict[str, list[Path]] = field(default_factory=dict)
+    values: dict[Path, Value] = field(default_factory=dict)
+    trajectories: list[Path] = field(default_factory=list)
+    others: list[Path] = field(default_factory=list)
+
+
+def sorted_out(paths: Sequence[Path], registry: Registry) -> Files:
+    """Sort files, and those in folders, by content.
 
     Raises:
-        InputError: One cannot be read, has unknown content, or the same kind as another.
+        InputError: One that was named cannot be read, or none is of a known kind.
     """
-    sources = Sources()
+    files = Files()
     problems: list[str] = []
     for path in paths:
         try:
-            _add(sources, path, registry)
+            if path.is_dir():
+                for file in files_in(path):
+                    _add(files, file, registry, named=False)
+            else:
+                files.named.add(path)
+                _add(files, path, registry, named=True)
         except InputError as error:
             problems += error.problems
     if problems:
         raise InputError(problems)
-    return sources
+    if not files.by_sort and not files.trajectories:
+        raise InputError(
+            f"{', '.join(map(str, paths))}: contains none of 'command_sequence', 'environment', "
+            "'april_tags' (the original STAR), 'robots' (Crazyswarm2) and 'crazyflies' "
+            "(Crazyswarm)",
+            "wrong-file",
+        )
+    return files
 
 
 def recognizes(path: Path) -> bool:
@@ -110,25 +163,33 @@ def files_in(folder: Path) -> Iterator[Path]:
             yield above / file
 
 
-def _add(sources: Sources, path: Path, registry: Registry) -> None:
-    if path.suffix == ".csv":
-        if not path.is_file():
-            raise InputError([f"{path}: no such file"])
-        if path.name in [other.name for other in sources.trajectories]:
+def is_trajectory(file: Path) -> bool:
+    """Return whether a file begins as Crazyswarm2's trajectories do."""
+    if file.suffix != ".csv":
+        return False
+    with file.open("rb") as stream:
+        return stream.read(len(HEADER)).lower() == HEADER.encode()
+
+
+def _add(files: Files, path: Path, registry: Registry, *, named: bool) -> None:
+    if named and not path.is_file():
+        raise InputError([f"{path}: no such file"])
+    if path.suffix == ".csv" and (named or is_trajectory(path)):
+        if path.name not in [other.name for other in files.trajectories]:
+            files.trajectories.append(path)
+        elif named:
             raise InputError([f"{path}: another file is named {path.name!r} too; rename one"])
-        sources.trajectories.append(path)
         return
-    value: Value = format_function("values", registry)(path)
-    keys = value.map().keys()
-    sorts = [sort for sort, marks in SORTS.items() if keys & marks]
-    if "config" in sorts:  # its list of commands is a default that no flight has
-        sorts = ["config"]
+    sorts = sorts_of(path)
+    if named:
+        files.values[path] = value = format_function("values", registry)(path)
+        keys = value.map().keys()
+        sorts = {sort for sort, marks in SORTS.items() if keys & marks}
+        if "config" in sorts:  # its list of commands is a default that no flight has
+            sorts = {"config"}
     for sort in sorts:
-        if before := getattr(sources, sort):
-            raise InputError([f"{path}: same kind of file as {before[0]}; give one of them"])
-        setattr(sources, sort, (path, value))
+        of_sort = files.by_sort.setdefault(sort, [])
+        if path not in of_sort:
+            of_sort.append(path)
     if not sorts:
-        raise value.wrong(
-            "contains none of 'command_sequence', 'environment', 'april_tags' (the original STAR) "
-            "and 'robots' (Crazyswarm2)"
-        )
+        files.others.append(path)

@@ -47,12 +47,12 @@ class Steps:
             steps = [(record, list(self._steps(record))) for record in group if record.task]
             for record in group:
                 if not record.task:
-                    self._log.add(record.location, "has no task: the original skips it; ignored")
+                    self._log.ignored(record.location, "records without a task are skipped")
                     lines.append(Line(f"  # line {record.line}: no task, ignored", record.location))
             some = some or bool(steps)
             lines += self._together(steps)
         if not some:
-            self._log.add("the list of commands", "is empty, and so is the mission")
+            self._log.assumed("command_sequence", "is empty, and so is the mission")
             lines.append(Line("  - hold: {}  # the original's list of commands is empty"))
         return lines
 
@@ -78,77 +78,91 @@ class Steps:
 
     def _steps(self, record: Record) -> Iterator[str]:
         """Return the steps of one record."""
-        names = shortlist(record.agents) or "all"
         agents = f"agents: [{', '.join(record.agents)}]" if record.agents else ""
         flying = set(record.agents or self._names)
         height, climb = show(self._config.height), show(self._config.climb)
         silence = show(self._config.silence)
         if record.task not in {"takeoff", "land"} and (grounded := sorted(flying - self._up)):
-            self._add(record, f"{shortlist(grounded)}: not airborne at this point")
+            self._changed(record, f"{shortlist(grounded)}: not airborne at this point")
         match record.task:
             case "takeoff":
                 if record.agents and self._executed:
-                    self._add(record, "takeoff is sent to all agents, as executed")
-                    agents, names, flying = "", "all", set(self._names)
-                self._add(record, f"takeoff of {names} to {height} m at {climb} m/s")
+                    self._assumed(record, "takeoff is sent to all agents, as executed")
+                    agents, flying = "", set(self._names)
                 self._up |= flying
                 numbers = f"height: {height}, speed: {climb}"
                 yield f"takeoff: {{{_joined(agents, numbers)}}}"
             case "hold":
-                self._add(record, f"hold of {names} for {show(record.seconds)} s")
                 yield f"hold: {{{_joined(agents, f'for: {show(record.seconds)}')}}}"
             case "land":
-                self._add(record, f"land of {names}, each where it is")
                 self._up -= flying
                 yield f"land: {{{agents}}}"
             case "external":
-                self._add(
+                self._changed(
                     record,
-                    f"external for {names}: the program now uses STAR's messages instead of ROS; "
-                    f"ends after {silence} s of silence",
+                    f"the program of external uses STAR's messages instead of ROS; the step ends "
+                    f"after {silence} s of silence",
                 )
                 end = f"max_silence: {silence}, on_silence: fail, on_failure: continue"
+                end += f", response_timeout: {silence}"
                 yield f"external: {{{_joined(agents, end)}}}"
             case "goto" if self._executed:
                 end = ", nor does it land" if record.lands else ""
-                self._add(record, f"goto of {names} does not move{end}, as executed: hold for 0 s")
+                self._assumed(record, f"goto does not move{end}, as executed: hold for 0 s")
                 yield f"hold: {{{agents}}}"
             case _:
-                yield from self._flight(record, agents, names)
+                yield from self._flight(record, agents)
 
-    def _flight(self, record: Record, agents: str, names: str) -> Iterator[str]:
+    def _flight(self, record: Record, agents: str) -> Iterator[str]:
         x, y, z = record.point
         yaw = record.yaw if record.task == "goto_velocity" else math.degrees(record.yaw)
-        unit = "degrees" if record.task == "goto_velocity" else "rad"
-        self._add(
-            record,
-            f"{record.task} of {names} to {show([x, y, z])} m, yaw {show(record.yaw)} {unit}",
-        )
         if record.task == "goto_velocity" and 0 < abs(yaw) <= math.tau:
-            self._add(
+            self._assumed(
                 record,
-                f"yaw {show(yaw)} is read as degrees, as the original's code does for "
-                f"goto_velocity only; rad would be {show(math.degrees(yaw))} degrees",
+                "yaw is read as degrees, as the original's code does for goto_velocity only; "
+                f"{show(yaw)} rad would be {show(math.degrees(yaw))} degrees",
             )
-        if self._executed:
-            bias = -self._config.zone
-            x, y = x + bias, y + bias
-            self._add(record, f"its grid shifts the goal by {show([bias, bias])} m, as executed")
-        goal = f"to: {show([x, y, z])}, yaw_deg: {show(yaw)}, speed: {show(self._speed)}"
-        many = len(record.agents or self._names) > 1
-        spacing = f"spacing: {show(2 * self._config.zone)}" if many else ""
+        end = f"yaw_deg: {show(yaw)}, speed: {show(self._speed)}"
         within = f"within: {show(self._config.reached)}"
-        yield f"goto: {{{_joined(agents, goal, spacing, within)}}}"
+        if self._executed:
+            yield from self._grid(record, f"{end}, {within}")
+        else:
+            many = len(record.agents or self._names) > 1
+            spacing = f"spacing: {show(2 * self._config.zone)}" if many else ""
+            yield f"goto: {{{_joined(agents, f'to: {show([x, y, z])}, {end}', spacing, within)}}}"
         if record.lands:
             self._up -= set(record.agents or self._names)
             if record.task == "goto":
-                self._add(
+                self._assumed(
                     record, "lands at its goal, which the original did for goto_velocity only"
                 )
             yield f"land: {{{agents}}}"
 
-    def _add(self, record: Record, message: str) -> None:
-        self._log.add(record.location, message)
+    def _grid(self, record: Record, end: str) -> Iterator[str]:
+        """Yield the flight of agents to the corners of the grid that the original makes.
+
+        Of n agents, with d = ceil(sqrt(n)) and a protected zone p, agent k flies to
+        x - p d + 2 p (k div d), y - p d + 2 p (k mod d); the agents are in the order of the record
+        or, if it names none, in that of their names.
+        """
+        names = record.agents or sorted(self._names)
+        (x, y, z), zone = record.point, self._config.zone
+        side = math.ceil(math.sqrt(len(names)))
+        low = -zone * side
+        self._assumed(
+            record, "agents fly to the corners of a grid, as executed", show([low, low]) + " m"
+        )
+        goals = []
+        for k, name in enumerate(names):
+            goal = [x + low + 2 * zone * (k // side), y + low + 2 * zone * (k % side), z]
+            goals.append(f"goto: {{agents: [{name}], to: {show(goal)}, {end}}}")
+        yield goals[0] if len(goals) == 1 else f"parallel: [{', '.join(f'{{{g}}}' for g in goals)}]"
+
+    def _assumed(self, record: Record, message: str, about: str = "") -> None:
+        self._log.assumed(record.location, message, about)
+
+    def _changed(self, record: Record, message: str) -> None:
+        self._log.changed(record.location, message)
 
 
 def _joined(*parts: str) -> str:

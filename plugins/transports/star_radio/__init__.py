@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from star_core import Problem, TransportSpec, deferred, hookimpl
 from star_core.commands import CommandSpec
+from star_core.toolkit import suggestion
 from star_radio import budget
 from star_radio.address import RadioAddress, camera_faults, faults
 from star_radio.options import options_with
@@ -62,6 +63,10 @@ def check(scene: Scene, **options: Any) -> Iterable[Problem]:
     if links:
         text = f"dongle {broadcast} carries the link of agent {links[0].name!r}: expected another"
         yield Problem(("broadcast",), text, "option-conflict")
+    for name in options["agent_parameters"]:
+        if name not in scene.names:
+            text = f"no agent named {name!r}{suggestion(name, scene.names, 'there are')}"
+            yield Problem(("agent_parameters", name), text, "unknown-agent")
     yield from camera_faults(scene, options["cameras"])
 
 

@@ -14,6 +14,16 @@ if TYPE_CHECKING:
 MOCAP_KIND: Final = "mocap_source"
 """Kind of the plugins that receive from motion-capture systems."""
 
+PARAMETERS: Final[dict[str, Any]] = {
+    "type": "object",
+    "propertyNames": {
+        "pattern": r"^[A-Za-z0-9_]+\.[A-Za-z0-9_]+$",
+        "patternErrorMessage": "expected 'group.name'",
+    },
+    "additionalProperties": {"type": "number"},
+}
+"""Schema of firmware parameters."""
+
 OPTIONS: dict[str, Any] = {
     "type": "object",
     "properties": {
@@ -93,15 +103,18 @@ OPTIONS: dict[str, Any] = {
             "so that odometry starts at the agents' initial positions.",
         },
         "parameters": {
-            "type": "object",
-            "propertyNames": {
-                "pattern": r"^[A-Za-z0-9_]+\.[A-Za-z0-9_]+$",
-                "patternErrorMessage": "expected 'group.name'",
-            },
-            "additionalProperties": {"type": "number"},
+            **PARAMETERS,
             "default": {},
             "description": "Firmware parameters to set on every agent, by 'group.name', in the "
             "firmware's units.",
+        },
+        "agent_parameters": {
+            "type": "object",
+            "additionalProperties": PARAMETERS,
+            "default": {},
+            "examples": [{"cf2": {"ring.effect": 7}}],
+            "description": "Firmware parameters of single agents, by the agent's name; they "
+            "override those of 'parameters'.",
         },
         "stop": {
             "enum": ["motors", "lock"],
@@ -170,6 +183,7 @@ class RadioOptions:
     cache: str | None
     reset: bool
     parameters: Mapping[str, float]
+    agent_parameters: Mapping[str, Mapping[str, float]]
     stop: str
     watchdog: bool
     cameras: Mapping[str, str]

@@ -120,7 +120,8 @@ class Vehicle:
         self.variables = variables = tables.of(packets.LOG, self._ask)
         layout = Layout.of(variables)
         self.parameters = tables.of(packets.PARAMETER, self._ask)
-        for name, value in options.parameters.items():
+        own = options.agent_parameters.get(self.name, {})
+        for name, value in {**options.parameters, **own}.items():
             set_now(self.parameters, name, value, self._ask)
         if options.reset:
             reset_estimator(self.parameters, self._ask)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import pytest
 
@@ -25,6 +26,13 @@ robot_types:
 """
 
 
+def remark(note: dict[str, Any]) -> str:
+    """Return a remark of ``--json`` as a line."""
+    place = f":{note['line']}:{note['column']}" if "line" in note else ""
+    about = f"{note['about']}: " if "about" in note else ""
+    return f"{note['severity']} {note['file']}{place}: {about}{note['message']}"
+
+
 @pytest.fixture(autouse=True)
 def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
@@ -43,11 +51,11 @@ def place() -> Callable[[str, str], str]:
 
 @pytest.fixture
 def take(capsys: pytest.CaptureFixture[str]) -> Import:
-    """Import files, and return what was reported."""
+    """Import files, and return the remarks: ``severity location: name: message``."""
 
     def took(*arguments: str) -> list[str]:
-        assert main(arguments) == 0
-        return capsys.readouterr().out.splitlines()
+        assert main([*arguments, "--json"]) == 0
+        return [*map(remark, json.loads(capsys.readouterr().out)["notes"])]
 
     return took
 

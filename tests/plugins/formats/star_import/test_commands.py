@@ -56,7 +56,7 @@ def test_every_verb_has_its_step(commands: Fly) -> None:
         ("takeoff", (0, 1), {"height": 0.8, "speed": 0.2}),
         ("hold", (0, 1), {"for": 2.5}),
         ("goto", (0,), flight),
-        ("external", (1,), {"max_silence": 5, "on_silence": "fail"}),
+        ("external", (1,), {"max_silence": 5, "on_silence": "fail", "response_timeout": 5}),
         ("land", (0, 1), {}),
     ]
 
@@ -89,11 +89,12 @@ def test_a_goto_turns_in_rad_and_a_goto_velocity_in_degrees(commands: Fly) -> No
     ]
 
 
-def test_every_record_is_reported_with_its_place_and_its_units(take: Import, commands: Fly) -> None:
+def test_units_and_agents_on_the_ground_are_reported(take: Import, commands: Fly) -> None:
     commands('"hold", "wait", "cf1", "2", ""')
-    told = take("m.yaml", "crazyflies.yaml", "--force")
-    assert "m.yaml:2:1: hold of cf1 for 2 s" in told
-    assert "m.yaml:2:1: cf1: not airborne at this point" in told
+    notes = take("m.yaml", "crazyflies.yaml", "--force")
+    units = "durations are in s, positions in m, yaw in degrees (goto_velocity) or rad (goto)"
+    assert f"assumed m.yaml:1:19: {units}" in notes
+    assert "changed m.yaml:2:1: cf1: not airborne at this point" in notes
 
 
 def test_a_goto_moves_no_agent_as_executed(commands: Fly) -> None:
@@ -121,13 +122,13 @@ def test_names_with_an_underscore_between_are_two(commands: Fly) -> None:
 def test_empty_command_lists_give_an_empty_mission(place: Put, take: Import) -> None:
     place("empty.yaml", "command_sequence: [\n  # a comment\n]\n")
     told = take("empty.yaml", "--agent", "cf1=0,0")
-    assert "the list of commands: is empty, and so is the mission" in told
+    assert "assumed command_sequence: is empty, and so is the mission" in told
 
 
 def test_a_record_without_a_task_is_reported_and_marked(place: Put, take: Import) -> None:
     place("m.yaml", 'command_sequence: ["", "wait", "all", "", ""]\n')
     told = take("m.yaml", "--agent", "cf1=0,0")
-    assert "m.yaml:1:20: has no task: the original skips it; ignored" in told
+    assert "ignored m.yaml:1:20: records without a task are skipped" in told
     assert "  # line 1: no task, ignored" in Path("imported/m.yaml").read_text("utf-8")
 
 
@@ -135,14 +136,14 @@ def test_a_record_without_a_task_is_reported_and_marked(place: Put, take: Import
     ("record", "told"),
     [
         ('"hold", "wait", "all", "2000", ""',
-         "m.yaml:2:24: 2000 is read as seconds, as the original's code does; its README says "
-         "milliseconds"),
-        ('"hold", "soon", "all", "2", ""', "m.yaml:2:9: 'soon' is read as 'conc'"),
-        ('"hold", "conc", "all", "2", ""', "m.yaml:2:1: the last record does not wait"),
-        ('"hold", "wait", "all", "2", "1 2 3"', "m.yaml:2:29: pose '1 2 3' of hold is ignored"),
-        ('"land", "wait", "all", "2", ""', "m.yaml:2:24: argument '2' of land is ignored"),
+         "assumed m.yaml:2:24: 2000 is read as seconds, as the original's code does; its README "
+         "says milliseconds"),
+        ('"hold", "soon", "all", "2", ""', "assumed m.yaml:2:9: 'soon' is read as 'conc'"),
+        ('"hold", "conc", "all", "2", ""', "assumed m.yaml:2:1: the last record does not wait"),
+        ('"hold", "wait", "all", "2", "1 2 3"', "ignored m.yaml:2:29: hold has no pose '1 2 3'"),
+        ('"land", "wait", "all", "2", ""', "ignored m.yaml:2:24: land has no argument '2'"),
         (UP + '"goto_velocity", "wait", "cf1", "", "0 1 1 0.7"',
-         "m.yaml:3:1: yaw 0.7 is read as degrees"),
+         "assumed m.yaml:3:1: yaw is read as degrees"),
     ],
 )  # fmt: skip
 def test_what_is_doubtful_is_reported(commands: Fly, take: Import, record: str, told: str) -> None:

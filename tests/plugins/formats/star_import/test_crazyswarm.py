@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from star_core import InputError, Registry, fly, load
-from star_core.toolkit import actions
+from star_core.toolkit import Parallel, actions
 from tests.commands import command
 from tests.plugins.formats.star_import.conftest import ROBOTS, Import
 
@@ -41,18 +41,16 @@ def test_robots_become_agents_with_their_links(place: Put, take: Import) -> None
 def test_what_is_left_out_of_robots_is_reported(place: Put, take: Import) -> None:
     place("crazyflies.yaml", ROBOTS + "all: {firmware_logging: {enabled: true}}\n")
     told = take("crazyflies.yaml")
-    assert "crazyflies.yaml:4:8: cf3 is not enabled; ignored" in told
-    assert "crazyflies.yaml:7:25: all: 'firmware_logging' is not supported; ignored" in told
-    assert [line for line in told if "type a: voltage_critical 3.7 V has no effect" in line]
+    assert "ignored crazyflies.yaml:4:8: cf3: is not enabled" in told
+    assert "ignored crazyflies.yaml:7:25: all.firmware_logging: is not supported" in told
+    assert [line for line in told if "a: voltage_critical has no effect" in line]
 
 
 def test_agents_that_start_near_each_other_have_a_smaller_radius(place: Put, take: Import) -> None:
     place("crazyflies.yaml", ROBOTS.replace("[-1.0, 0.0, 0.0]", "[-0.3, 0.0, 0.0]"))
     told = take("crazyflies.yaml")
-    assert (
-        "crazyflies: agents start 0.3 m apart; the avoider's radius is 0.15 m instead of 0.2"
-        in told
-    )
+    radius = "the avoider's radius is 0.15 m instead of 0.2"
+    assert f"changed crazyflies: agents start 0.3 m apart; {radius}" in told
 
 
 @pytest.mark.parametrize(
@@ -96,10 +94,8 @@ def test_no_agent_enabled_is_refused(place: Put, take: Import) -> None:
 def test_a_trajectory_is_copied_and_followed(place: Put, take: Import) -> None:
     place("eight.csv", trajectory(0.5, 4.0))
     told = take("eight.csv", "--agent", "cf1=0,0")
-    assert (
-        "eight.csv: durations in s, x, y and z in m, yaw in rad; flown by all, each from its "
-        "position" in told
-    )
+    units = "durations are in s, positions in m, yaw in rad; relative to where an agent is"
+    assert f"assumed paths: {units}" in told
     mission = load(Path("imported/eight.yaml"), Registry())
     assert [a.verb for a in actions(mission.steps)] == ["takeoff", "follow", "land"]
     assert Path("imported/paths/eight.csv").read_text("utf-8") == trajectory(0.5, 4.0)
@@ -133,25 +129,100 @@ def test_every_voltage_of_a_battery_is_reported(place: Put, take: Import) -> Non
     both = "{voltage_critical: 3.7, voltage_warning: 3.8}"
     place("crazyflies.yaml", ROBOTS.replace("{voltage_critical: 3.7}", both))
     told = take("crazyflies.yaml")
-    assert [line for line in told if "type a: voltage_critical 3.7 V has no effect" in line]
-    assert [line for line in told if "type a: 'voltage_warning' is not supported; ignored" in line]
+    assert [line for line in told if "a: voltage_critical has no effect" in line]
+    assert [line for line in told if "types.battery.voltage_warning: is not supported" in line]
 
 
 def test_numbers_that_are_in_no_file_are_reported(place: Put, take: Import) -> None:
     place("crazyflies.yaml", ROBOTS)
-    limits = "limits.speed 0.5 m/s, limits.height 0.2 to 2 m"
     told = take("crazyflies.yaml")
-    assert f"crazyflies: numbers not in the files: {limits}" in told
+    assert "assumed limits: speed 0.5 m/s, heights 0.2 to 2 m: no config.yaml" in told
     up, go = '"takeoff", "wait", "all", "", ""', '"goto", "wait", "all", "", "0 0 1 0"'
     place("m.yaml", f"command_sequence: [{up}, {go}]")
     told = take("m.yaml", "crazyflies.yaml", "--force")
-    assert (
-        "m: numbers not in the files: limits.speed 0.2 m/s, limits.height 0.5 to 2 m, of goto: "
-        "speed 0.1 m/s, within 0.2 m, spacing 0.4 m where several fly to one position" in told
-    )
+    assert "assumed limits: speed 0.2 m/s, heights 0.5 to 2 m: no config.yaml" in told
 
 
 def test_missing_agents_are_reported_even_without_any_agent(place: Put) -> None:
     place("m.yaml", 'command_sequence: ["land", "wait", "cf2", "", ""]')
     with pytest.raises(InputError, match="no agent named 'cf2'; add its position: --agent"):
         main(["m.yaml"])
+
+
+def test_trajectories_of_agents_are_flown_at_once(place: Put, take: Import) -> None:
+    place("crazyflies.yaml", ROBOTS)
+    place("one.csv", trajectory(0.5, 4.0))
+    place("two.csv", trajectory(0.4, 4.0))
+    chosen = ("--trajectory", "cf1=one.csv", "--trajectory", "cf2=two.csv")
+    take("crazyflies.yaml", *chosen, "--acceleration", "1.5")
+    mission = load(Path("imported/crazyflies.yaml"), Registry())
+    assert mission.scene.limits.acceleration == 1.5
+    _, both, _ = mission.steps
+    assert isinstance(both, Parallel)
+    assert [(step.rows, step.written["file"]) for step in actions([both])] == [
+        ((0,), "paths/one.csv"),
+        ((1,), "paths/two.csv"),
+    ]
+    assert fly(mission, Registry())["outcome"] == "completed"
+
+
+@pytest.mark.parametrize(
+    ("option", "problem"),
+    [
+        ("cf9=one.csv", "--trajectory cf9: no agent 'cf9' among cf1, cf2 [unknown-agent]"),
+        ("cf1", "--trajectory cf1: expected NAME=FILE [invalid-input]"),
+        ("cf1=no.csv", "--trajectory cf1=no.csv: no such file [file-not-found]"),
+    ],
+)
+def test_trajectories_of_no_agent_are_refused(
+    place: Put, take: Import, option: str, problem: str
+) -> None:
+    place("crazyflies.yaml", ROBOTS)
+    place("one.csv", trajectory(0.5, 4.0))
+    with pytest.raises(InputError) as raised:
+        take("crazyflies.yaml", "--trajectory", option)
+    assert list(raised.value.problems) == [problem]
+
+
+def with_gap(gap: float) -> str:
+    """Two pieces along y, the second of which begins `gap` m beyond the end of the first."""
+    header, first, second = trajectory(0.5, 4.0).splitlines()
+    cells = second.split(",")
+    cells[9] = str(float(cells[9]) + gap)
+    return "\n".join([header, first, ",".join(cells)]) + "\n"
+
+
+def test_gaps_are_bridged_on_request(place: Put, take: Import) -> None:
+    place("gap.csv", with_gap(0.3))
+    with pytest.raises(InputError, match=r"begins 0\.30 m from the end of the previous piece"):
+        take("gap.csv", "--agent", "cf1=0,0")
+    notes = take("gap.csv", "--agent", "cf1=0,0", "--bridge-gaps")
+    assert "changed gap.csv: gaps are bridged by 1 pieces more" in notes
+    mission = load(Path("imported/gap.yaml"), Registry())
+    _, _, bridge, _ = Path("imported/paths/gap.csv").read_text("utf-8").splitlines()
+    time, *coefficients = map(float, bridge.split(","))
+    y = coefficients[8:16]
+    assert time == 1.5
+    assert y[0] == pytest.approx(0.5)
+    assert sum(c * time**k for k, c in enumerate(y)) == pytest.approx(0.8)
+    assert y[1] == pytest.approx(0.0, abs=1e-6)
+    assert sum(k * c * time ** (k - 1) for k, c in enumerate(y)) == pytest.approx(0, abs=1e-6)
+    assert fly(mission, Registry())["outcome"] == "completed"
+
+
+def test_pieces_that_a_drone_cannot_hold_are_refused_by_name(place: Put, take: Import) -> None:
+    header, *pieces = trajectory(0.2, 2.0).splitlines()
+    place("long.csv", "\n".join([header, *(pieces * 16)]) + "\n")
+    agent = ("--agent", "cf1=0,0")
+    with pytest.raises(InputError) as raised:
+        take("long.csv", *agent, "--on-board")
+    assert list(raised.value.problems) == [
+        "long.csv: has 32 pieces, and a Crazyflie holds 31; leave out --on-board "
+        "[invalid-trajectory]"
+    ]
+    take("long.csv", *agent)
+    place("short.csv", trajectory(0.2, 2.0))
+    take("short.csv", *agent, "--on-board")
+    (step,) = [s for s in actions(load(Path("imported/short.yaml"), Registry()).steps)
+               if s.verb == "follow"]  # fmt: skip
+    assert step.written["on_board"]

@@ -262,6 +262,13 @@ def test_parameters_are_set_in_their_own_types(peers: Peers, connect: Open) -> N
     assert drone.stored["ring.effect"] == b"\7"
 
 
+def test_parameters_of_one_agent_go_before_those_of_all(peers: Peers, connect: Open) -> None:
+    first, second = peers(2)
+    own = {"cf2": {"ring.effect": 9}}
+    connect([first, second], parameters={"ring.effect": 7}, agent_parameters=own)
+    assert [drone.stored["ring.effect"] for drone in (first, second)] == [b"\7", b"\11"]
+
+
 @pytest.mark.parametrize(
     ("name", "value", "message"),
     [
