@@ -10,6 +10,7 @@ from star_explain.crowds import crowd_problems
 from star_explain.drift import drift_problems
 from star_explain.goals import goal_problems
 from star_explain.jam import jam_problems
+from star_explain.near_obstacles import near_obstacle_problems
 from star_explain.origins import Origins
 from star_explain.parked import parked_problems
 from star_explain.results import results, steps_of
@@ -76,6 +77,7 @@ def _of_variant(
         yield from goal_problems(step, mission, registry)
     yield from crowd_problems(mission, rehearsal, origins)
     yield from parked_problems(mission, registry, rehearsal)
+    yield from near_obstacle_problems(mission, registry, rehearsal)
     if drifts:
         yield from drift_problems(mission, registry, rehearsal)
     if margins:

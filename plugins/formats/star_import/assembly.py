@@ -14,7 +14,7 @@ from star_core.toolkit import actions
 from star_import.calibration import Calibration, calibration
 from star_import.config import Config, config
 from star_import.import_log import ImportLog, show
-from star_import.mission_text import Frame, mission_lines, reaction
+from star_import.mission_text import Frame, mission_lines, nearest_starts, reaction
 from star_import.motion_capture import capture
 from star_import.obstacles import Wall, has_inside, walls
 from star_import.output_files import OutputFiles, Room, around, corners
@@ -128,7 +128,8 @@ def assemble(
         speed=max(numbers.climb, speed),
         acceleration=options.acceleration,
         height=numbers.heights if sources.mission else (LOW, numbers.heights[1]),
-        exact=options.as_executed,
+        exact=options.as_executed
+        or (sources.mission is not None and nearest_starts(swarm) < 2 * numbers.zone),
         zone=numbers.zone,
         planner=_planner(built, options, numbers, sources, log),
         tags=bool(printed),
@@ -310,7 +311,12 @@ def _log_choices(
             f"speed {show(frame.speed)} m/s, heights {show(low)} to {show(high)} m: no config.yaml",
         )
     if frame.exact:
-        log.assumed("limits", "positions are treated as exact, as executed: uncertainty_margin 0")
+        why = "agents start too near to each other for drifting positions"
+        log.changed(
+            "limits",
+            f"{'as executed' if options.as_executed else why}: positions are treated as exact "
+            "(uncertainty_margin 0), and nothing warns of their drift",
+        )
     if system := positioning(swarm):
         localizer = "apriltag" if frame.landmarks else "flow"
         log.changed(

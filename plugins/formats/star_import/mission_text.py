@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
 
-from star_core.toolkit import shortlist
+from star_core.toolkit import CONTACT_RADIUS, shortlist
 from star_import import firmware
 from star_import.calibration import Calibration
 from star_import.firmware import plain
@@ -243,11 +243,8 @@ def _simulated(
 
 def _radius(frame: Frame, robots: Sequence[Robot], log: ImportLog) -> float:
     """The avoider's radius, m: reduced where agents would overlap at their start positions."""
-    nearest = min(
-        (math.dist(a.start, b.start) for a, b in combinations(robots, 2)), default=math.inf
-    )
-    least = 0.06  # m, half a Crazyflie with its propellers: closer starts are refused
-    if nearest >= 2 * frame.zone or nearest < 2 * least:
+    nearest = nearest_starts(robots)
+    if nearest >= 2 * frame.zone or nearest < 2 * CONTACT_RADIUS:  # closer starts are refused
         return frame.zone
     radius = math.floor(nearest / 2 * 1000) / 1000
     log.changed(
@@ -256,3 +253,8 @@ def _radius(frame: Frame, robots: Sequence[Robot], log: ImportLog) -> float:
         f"instead of {show(frame.zone)}",
     )
     return radius
+
+
+def nearest_starts(robots: Sequence[Robot]) -> float:
+    """Return the least distance between two starts, m; inf if there are no two."""
+    return min((math.dist(a.start, b.start) for a, b in combinations(robots, 2)), default=math.inf)
