@@ -38,6 +38,7 @@ START_YAW: Final = math.radians(2.0)  # rad, std of its heading
 FIRST_TIME: Final = 1.0  # s of the mission, in which the first measurements arrive
 REPORTED_STD: Final = 5e-3  # s, of a latency that is reported
 LAG_MEMORY: Final = 1.0  # s
+MAX_LATE: Final = 0.5  # s, by which a frame may be older than the newest, as before the flight
 GROUND_AGE: Final = 0.3  # s, of a measurement with which an agent may take off
 
 
@@ -179,7 +180,8 @@ class Mocap:
             began = self._system.now() - telemetry.time - float(age)
             # the least: a tick that is late gives a later one
             self._began = began if self._began is None else min(began, self._began)
-            fixes = self._fixes(frames, self._began)
+            recent = [frame for frame in frames if frame.arrived > frames[-1].arrived - MAX_LATE]
+            fixes = self._fixes(recent, self._began)
         good = np.isfinite(fixes.position.sum(axis=1) + fixes.time + fixes.position_std)
         rows = np.flatnonzero(good)
         return _of(fixes, rows[np.argsort(fixes.time[rows], kind="stable")])

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from star_core import Array, PluginError, PoseFixes, Registry
+from star_core import Array, PluginError, PoseFixes, Registry, hookimpl
 from star_core.testing import scene
 from star_fleet.natnet import NatNetServer
 from star_mocap.source import Frame, MocapSourceSpec
@@ -65,6 +65,45 @@ def test_markers_have_no_names_and_frames_are_taken_once() -> None:
         assert system.take() == [] or system.take()[0].arrived > frames[-1].arrived
     assert frames[0].markers.shape == (2, 3)
     assert np.isnan(frames[0].poses).all()
+
+
+class Others:
+    """A plugin of a third party, with a source."""
+
+    @hookimpl
+    def star_mocap_sources(self) -> Iterator[MocapSourceSpec]:
+        yield MocapSourceSpec(
+            name="theirs",
+            summary="Theirs.",
+            frames="their_frames:frames",
+            options={"properties": {"height": {"type": "number", "default": 0.7}}},
+        )
+
+
+THEIRS = """
+import time
+from star_mocap.source import Frame
+
+def frames(*, height):
+    while True:
+        time.sleep(0.01)
+        yield Frame({"cf1": (0, 0, height, 0, 0, 0, 1)})
+"""
+
+
+def test_a_source_of_a_third_party_is_received(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "their_frames.py").write_text(THEIRS)
+    monkeypatch.syspath_prepend(tmp_path)
+    registry = Registry(Others())
+    source: dict[str, Any] = {"theirs": {}}
+    with closing(MocapSourceSpec.connect(registry, scene(1), {"source": source})) as system:
+        frame = system.recent()[-1]
+    assert frame.poses[0, :3].tolist() == [0, 0, 0.7]
+    assert np.isnan(frame.taken)  # it sends no times
+    options = registry.find("localizer", "mocap").offer.options["properties"]["source"]
+    assert "theirs" in options["properties"]
 
 
 RECORDED = """\
