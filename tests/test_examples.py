@@ -5,15 +5,20 @@
 
 from __future__ import annotations
 
+import glob
 import os
 import re
 import runpy
+import shlex
+import shutil
 from pathlib import Path
 from typing import Any
 
 import nbformat
 import pytest
 from nbclient import NotebookClient
+
+from star_core.commands.main import main
 
 ROOT = Path(__file__).parents[1]
 EXAMPLES = ROOT / "examples"
@@ -76,3 +81,49 @@ def test_the_readme_of_the_examples_names_all_of_them() -> None:
     assert sorted(named) == sorted(
         {path.name for path in EXAMPLES.iterdir()} - {"README.md", "__pycache__"}
     )
+
+
+def typed(*pages: str) -> list[str]:
+    """The commands of pages about the files in ``examples/``, in order."""
+    blocks = [
+        block
+        for page in pages
+        for block in re.findall(r"```sh\n(.*?)```", (ROOT / page).read_text(), re.DOTALL)
+        if "examples/" in block
+    ]
+    lines = [line.partition("#")[0].strip() for block in blocks for line in block.splitlines()]
+    about = re.compile(r"star \w+ .*\b(examples|imported|swarm)/")
+    return [line for line in lines if about.match(line)]
+
+
+@pytest.fixture
+def clone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return a folder with the examples, which is the current one."""
+    shutil.copytree(EXAMPLES, tmp_path / "examples")
+    (tmp_path / "missions" / "cameras").mkdir(parents=True)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def star_typed(line: str) -> int:
+    words = shlex.split(line)[1:]
+    return main([name for word in words for name in (sorted(glob.glob(word)) or [word])])  # noqa: PTH207 -- as a shell does
+
+
+def test_the_importing_and_calibrating_commands_work_as_typed(
+    clone: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for page in ("README.md", "docs/from-crazyswarm2.md", "docs/from-original-star.md"):
+        for line in typed(page):
+            if not line.startswith("star run"):
+                assert star_typed(line) == 0, capsys.readouterr().err
+        shutil.rmtree(clone / "imported", ignore_errors=True)
+    assert (clone / "missions" / "cameras" / "mine.yaml").exists()
+
+
+@pytest.mark.campaign
+@pytest.mark.usefixtures("clone")
+def test_the_flights_of_the_importing_pages_work_as_typed() -> None:
+    for page in ("docs/from-crazyswarm2.md", "docs/from-original-star.md"):
+        for line in typed(page):
+            assert star_typed(line) == 0

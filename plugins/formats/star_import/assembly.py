@@ -48,6 +48,7 @@ class ImportOptions:
         target_positions: Positions of targets that have none, m.
         new_target: How a position is given to a target, with ``{}`` for its number.
         virtual: Names of obstacles that are virtual in any case, or ``all``.
+        solid: Names of obstacles that are not virtual in any case, or ``all``.
         speed: Speed limit, m/s.
         acceleration: Acceleration limit, m/s².
         trajectories: How they are flown.
@@ -63,6 +64,7 @@ class ImportOptions:
     target_positions: Mapping[int, tuple[float, float]] = field(default_factory=dict)
     new_target: str = "--target {}=X,Y"
     virtual: Collection[str] = ()
+    solid: Collection[str] = ()
     speed: float | None = None
     acceleration: float | None = None
     trajectories: Trajectories = field(default_factory=Trajectories)
@@ -107,6 +109,8 @@ def assemble(
     fence = options.fence or around(points or [(0.0, 0.0)], WIDE if flown.agents else MARGIN)
     name = _named(options.name or sources.paths[0].stem)
     world = _named(sources.environment[0].stem if sources.environment else f"{name}-room")
+    crowded = sources.mission is not None and nearest_starts(swarm) < 2 * numbers.zone
+    exact = options.as_executed or crowded
     output = OutputFiles(
         made_of=", ".join(path.name for path in sources.paths),
         mission=f"{name}.yaml" if swarm else None,
@@ -114,7 +118,7 @@ def assemble(
         room=fence,
         walls=built,
         sheets=printed,
-        virtual=_virtual(built, printed, options, log),
+        virtual=_virtual(built, printed, options, log, exact=exact),
         copies=flown.copies,
         written=flown.lines,
     )
@@ -128,8 +132,7 @@ def assemble(
         speed=max(numbers.climb, speed),
         acceleration=options.acceleration,
         height=numbers.heights if sources.mission else (LOW, numbers.heights[1]),
-        exact=options.as_executed
-        or (sources.mission is not None and nearest_starts(swarm) < 2 * numbers.zone),
+        exact=exact,
         zone=numbers.zone,
         planner=_planner(built, options, numbers, sources, log),
         tags=bool(printed),
@@ -148,24 +151,32 @@ def assemble(
     if flown.agents or not sources.mission:
         steps += options.trajectories.steps(flown, sources, log)
     output = replace(output, steps=mission_lines(frame, swarm, steps, log))
-    return replace(output, virtual=output.virtual | _too_near(output, registry, log))
+    return replace(output, virtual=output.virtual | _too_near(output, options, registry, log))
 
 
 def _virtual(
-    built: Sequence[Wall], printed: Sequence[Sheet], options: ImportOptions, log: ImportLog
+    built: Sequence[Wall],
+    printed: Sequence[Sheet],
+    options: ImportOptions,
+    log: ImportLog,
+    *,
+    exact: bool,
 ) -> frozenset[str]:
-    """Return the walls that are virtual, since a user wants it or a tag is in them."""
+    """Return the walls that are virtual: chosen ones, those that hold tags, or all if `exact`."""
     virtual = {wall.name for wall in built if {wall.name, "all"} & {*options.virtual}}
-    if options.as_executed:
-        for wall in built:
-            log.assumed(wall.location, "is virtual, as all obstacles of the original", wall.name)
-        return frozenset(wall.name for wall in built)
-    for wall in built:
+    rest = [wall for wall in built if wall.name not in virtual and not _is_solid(wall, options)]
+    for wall in rest:
         hidden = [sheet for sheet in printed if any(has_inside(wall, c) for c in sheet.centres)]
-        if hidden and wall.name not in virtual:
+        if exact or hidden:
             virtual.add(wall.name)
-            log.changed(wall.location, f"is virtual, since {hidden[0].name} is in it", wall.name)
+            why = f"since {hidden[0].name} is in it" if hidden else "as all are in the original"
+            text = "the planner leads around it, and nothing brakes before it"
+            log.changed(wall.location, f"is virtual, {why}: {text}", wall.name)
     return frozenset(virtual)
+
+
+def _is_solid(wall: Wall, options: ImportOptions) -> bool:
+    return bool({wall.name, "all"} & {*options.solid})
 
 
 def _reactions(printed: Sequence[Sheet], numbers: Config, speed: float) -> list[Line]:
@@ -178,12 +189,18 @@ def _reactions(printed: Sequence[Sheet], numbers: Config, speed: float) -> list[
     ]
 
 
-def _too_near(output: OutputFiles, registry: Registry, log: ImportLog) -> set[str]:
+def _too_near(
+    output: OutputFiles, options: ImportOptions, registry: Registry, log: ImportLog
+) -> set[str]:
     """Return names of the walls that agents cannot keep clear of, and log why.
 
     The steps of the mission, as they are flown if every wall is virtual, say where agents are.
     """
-    rest = [wall for wall in output.walls if wall.name not in output.virtual]
+    rest = [
+        wall
+        for wall in output.walls
+        if wall.name not in output.virtual and not _is_solid(wall, options)
+    ]
     if not rest:
         return set()
     every = frozenset(wall.name for wall in output.walls)
@@ -203,7 +220,7 @@ def _too_near(output: OutputFiles, registry: Registry, log: ImportLog) -> set[st
         for what, x, y, z in points:
             away = solid.distance((x, y, floor), highest if z <= floor else z)
             if away < CLEARANCE:
-                distance = f"{away:.2f} m from it" if away else "into it"
+                distance = f"{away:.2f} m from it" if away else "in it"
                 text = f"is virtual, since {what} {distance}, nearer than {CLEARANCE} m"
                 log.changed(wall.location, text, wall.name)
                 names.add(wall.name)

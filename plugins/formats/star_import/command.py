@@ -32,6 +32,7 @@ def run(flags: argparse.Namespace, registry: Registry) -> int:
         corners=None if flags.tag_origin is None else flags.tag_origin == "corner",
         target_positions=_target_positions(flags.target),
         virtual=flags.virtual,
+        solid=flags.solid,
         speed=flags.speed,
         acceleration=flags.acceleration,
         trajectories=Trajectories(
@@ -133,6 +134,13 @@ def configure(line: argparse.ArgumentParser) -> None:
         metavar="NAME",
         help="obstacle that agents may fly through, or `all` (those that hold tags, starts or "
         "goals)",
+    )
+    line.add_argument(
+        "--solid",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="obstacle that is really there, or `all`: not virtual in any case",
     )
     line.add_argument(
         "--fence",

@@ -133,7 +133,7 @@ class ImportLog:
 def grouped(notes: Iterable[Note]) -> list[Note]:
     """Return one remark for all that the same is true of in a file, the most important first."""
     groups: dict[tuple[Severity, str, str], list[Note]] = {}
-    for note in notes:
+    for note in dict.fromkeys(notes):
         groups.setdefault((note.severity, note.file, note.message), []).append(note)
     order = list(Severity)
     rows = []

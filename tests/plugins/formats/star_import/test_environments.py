@@ -263,10 +263,30 @@ def test_obstacles_at_goals_are_virtual_and_so_are_those_named(place: Put, take:
     take("m.yaml", "lab.yaml", "--agent", "a=0,1")
     assert load(Path("imported/m.yaml"), Registry()).scene.world.obstacles == ()
     place("m.yaml", f'command_sequence: [{up}, "goto", "wait", "all", "", "0 -1 1 0"]')
-    for flags, count in (((), 1), (("--virtual", "obs0"), 0), (("--virtual", "all"), 0)):
+    cases = {(): 1, ("--virtual", "obs0"): 0, ("--virtual", "all"): 0, ("--as-executed",): 0,
+             ("--as-executed", "--solid", "obs0"): 1}  # fmt: skip
+    for flags, count in cases.items():
         take("m.yaml", "lab.yaml", "--agent", "a=0,1", "--force", *flags)
         world = load(Path("imported/m.yaml"), Registry()).scene.world
         assert len(world.obstacles) == count
+
+
+def test_crowded_starts_make_positions_exact_and_obstacles_virtual(
+    place: Put, take: Import
+) -> None:
+    place("lab.yaml", OBSTACLE.format(offsets="false", points="[-1, 0, 1, 0]"))
+    place("m.yaml", 'command_sequence: ["takeoff", "wait", "all", "", ""]')
+    for x, margin, count in ((0.3, 0, 0), (0.5, 2, 1)):
+        take("m.yaml", "lab.yaml", "--agent", "a=0,1", "--agent", f"b={x},1", "--force")
+        scene = load(Path("imported/m.yaml"), Registry()).scene
+        assert (scene.limits.uncertainty_margin, len(scene.world.obstacles)) == (margin, count)
+
+
+def test_solid_obstacles_with_starts_in_them_are_refused(place: Put, take: Import) -> None:
+    place("lab.yaml", OBSTACLE.format(offsets="false", points="[-1, 0, 1, 0]"))
+    place("m.yaml", 'command_sequence: ["takeoff", "wait", "all", "", ""]')
+    with pytest.raises(InputError, match=r"\[inside-obstacle\]"):
+        take("m.yaml", "lab.yaml", "--agent", "a=0,0.05", "--solid", "all")
 
 
 @pytest.mark.parametrize(
