@@ -53,7 +53,7 @@ docs: $(VENV)/.ready  ## build the documentation into build/docs; warnings are e
 	@echo "open build/docs/index.html; with search: $(BIN)/python -m http.server --bind 127.0.0.1 --directory build/docs"
 
 air: $(VENV)/.ready  ## the flights over the radio's protocol that `make check` leaves out
-	$(BIN)/python -m pytest -q -m campaign tests/end_to_end/test_over_the_air.py
+	$(BIN)/python -m pytest -q -m campaign tests/end_to_end/test_over_the_air.py tests/end_to_end/test_motion_capture.py
 
 bench: $(VENV)/.ready  ## print the figures of benchmarks/ (installs their peers)
 	$(BIN)/python -m pip install --quiet --no-deps pupil-apriltags drone-models \

@@ -19,7 +19,7 @@ import numpy as np
 
 from star_core import Array, PluginError, Registry, Scene, Transform
 from star_core.toolkit import fill_defaults, quaternion_from_euler
-from star_mocap.source import KIND
+from star_mocap.source import KIND, Frame
 
 log = logging.getLogger(__name__)
 
@@ -76,7 +76,75 @@ class CaptureClock:
         return sent + min(self._offset, self._before)
 
 
-class MotionCapture:
+class CaptureFrames:
+    """The last frames of a system, in the map and on the computer's clock.
+
+    Args:
+        scene: The agents.
+        options: As `system_options` describes them.
+    """
+
+    def __init__(self, scene: Scene, options: Mapping[str, Any]) -> None:
+        bodies = [options["bodies"].get(name, name) for name in scene.names]
+        self._rows = {body: row for row, body in enumerate(bodies)}
+        turn, self._tilt = math.radians(options["yaw_deg"]), options["up"] == "y"
+        self._frame = Transform(np.array([turn]), np.array([options["origin"]], float))
+        roll, yaw = (math.pi / 2 if self._tilt else 0.0), turn
+        self._turn = quaternion_from_euler(*(np.array([angle]) for angle in (roll, 0.0, yaw)))[0]
+        self._clock = CaptureClock()
+        self._new: deque[MapFrame] = deque(maxlen=MAX_FRAMES)
+        self._recent: deque[MapFrame] = deque(maxlen=MAX_FRAMES)
+
+    @staticmethod
+    def now() -> float:
+        """Return the time on the clock of the frames, s."""
+        return time.monotonic()
+
+    def take(self) -> list[MapFrame]:
+        """Return the frames that arrived since the last call."""
+        frames = []
+        while self._new:
+            frames.append(self._new.popleft())
+        return frames
+
+    def recent(self) -> list[MapFrame]:
+        """Return the last frames, at most `MAX_FRAMES`."""
+        return list(self._recent)
+
+    def add(self, arrived: float, frame: Frame) -> None:
+        """Add a frame that arrived at a time, s of the computer's clock."""
+        taken = math.nan
+        if math.isfinite(frame.captured):
+            known = math.isfinite(frame.processing)
+            sent = frame.captured + (frame.processing if known else 0.0)
+            arrived = self._clock.time(sent, arrived)
+            taken = arrived - frame.processing  # NaN if that is unknown
+        poses = np.full((len(self._rows), 7), np.nan)
+        for name in self._rows.keys() & frame.bodies.keys():
+            poses[self._rows[name]] = frame.bodies[name]
+        mapped = MapFrame(taken, arrived, self._in_map(poses), self._points(frame.markers))
+        self._new.append(mapped)
+        self._recent.append(mapped)
+
+    def _in_map(self, poses: Array) -> Array:
+        """Return (N, 7) poses in the map."""
+        turned = _product(self._turn, poses[:, 3:])
+        return np.column_stack([self._points(poses[:, :3]), turned])
+
+    def _points(self, points: Array | Sequence[Sequence[float]]) -> Array:
+        """Return (M, 3) points in the map, m."""
+        points = np.array(points, float).reshape(-1, 3)
+        if self._tilt:
+            points = np.column_stack([points[:, 0], -points[:, 2], points[:, 1]])
+        every = Transform(
+            np.repeat(self._frame.yaw, len(points)),
+            np.repeat(self._frame.translation, len(points), axis=0),
+        )
+        moved: Array = every.apply(points)
+        return moved
+
+
+class MotionCapture(CaptureFrames):
     """Receives the frames of a source through its process.
 
     Args:
@@ -89,22 +157,13 @@ class MotionCapture:
     """
 
     def __init__(self, registry: Registry, scene: Scene, options: Mapping[str, Any]) -> None:
+        super().__init__(scene, options)
         ((self._name, chosen),) = options["source"].items()
         spec = registry.find(KIND, self._name).offer
         arguments = fill_defaults(chosen, spec.options)
         for name in spec.files:
             arguments[name] = str(scene.file(arguments[name]))
-        bodies = [options["bodies"].get(name, name) for name in scene.names]
-        self._rows = {body: row for row, body in enumerate(bodies)}
-        turn, self._tilt = math.radians(options["yaw_deg"]), options["up"] == "y"
-        self._frame = Transform(np.array([turn]), np.array([options["origin"]], float))
-        roll, yaw = (math.pi / 2 if self._tilt else 0.0), turn
-        self._turn = quaternion_from_euler(*(np.array([angle]) for angle in (roll, 0.0, yaw)))[0]
-        self._clock = CaptureClock()
-        self._new: deque[MapFrame] = deque(maxlen=MAX_FRAMES)
-        self._recent: deque[MapFrame] = deque(maxlen=MAX_FRAMES)
         self._closing = False
-        self.problem = ""
         self._thread = threading.Thread(target=self._listen, name="star-mocap", daemon=True)
         self._connection, theirs = Pipe()
         with theirs:
@@ -123,22 +182,6 @@ class MotionCapture:
             raise PluginError(f"motion capture: source {self._name!r}: {problem}", "no-answer")
         self._thread.start()
 
-    def take(self) -> list[MapFrame]:
-        """Return the frames that arrived since the last call."""
-        frames = []
-        while self._new:
-            frames.append(self._new.popleft())
-        return frames
-
-    @staticmethod
-    def now() -> float:
-        """Return the time on the clock of the frames, s."""
-        return time.monotonic()
-
-    def recent(self) -> list[MapFrame]:
-        """Return the last frames, at most `MAX_FRAMES`."""
-        return list(self._recent)
-
     def close(self) -> None:
         """End the process and the thread. Safe to call twice."""
         self._closing = True
@@ -148,7 +191,7 @@ class MotionCapture:
         """Wait for the first frame; return what failed, if anything."""
         try:
             if self._connection.poll(timeout + START_TIME):
-                return self._add(self._connection.recv())
+                return self._receive(self._connection.recv())
         except (EOFError, OSError):
             pass
         return f"no frame in {timeout:g} s"
@@ -158,48 +201,19 @@ class MotionCapture:
         problem = ""
         try:
             while not problem:
-                problem = self._add(self._connection.recv())
+                problem = self._receive(self._connection.recv())
         except (EOFError, OSError):
             problem = ENDED
         if not self._closing:
-            self.problem = problem
             log.warning("motion capture: source %r ended: %s", self._name, problem)
 
-    def _add(self, message: Any) -> str:
+    def _receive(self, message: Any) -> str:
         """Add the frame of a message; return the text of one that is an error."""
         if isinstance(message, str):
             return message
-        arrived, bodies, markers, captured, processing = message
-        taken = math.nan
-        if math.isfinite(captured):
-            known = math.isfinite(processing)
-            sent = captured + processing if known else captured
-            arrived = self._clock.time(sent, arrived)
-            taken = arrived - processing if known else math.nan
-        poses = np.full((len(self._rows), 7), np.nan)
-        for name in self._rows.keys() & bodies.keys():
-            poses[self._rows[name]] = bodies[name]
-        frame = MapFrame(taken, arrived, self._in_map(poses), self._points(markers))
-        self._new.append(frame)
-        self._recent.append(frame)
+        arrived, *fields = message
+        self.add(arrived, Frame(*fields))
         return ""
-
-    def _in_map(self, poses: Array) -> Array:
-        """Return (N, 7) poses in the map."""
-        turned = _product(self._turn, poses[:, 3:])
-        return np.column_stack([self._points(poses[:, :3]), turned])
-
-    def _points(self, points: Array | Sequence[Sequence[float]]) -> Array:
-        """Return (M, 3) points in the map, m."""
-        points = np.array(points, float).reshape(-1, 3)
-        if self._tilt:
-            points = np.column_stack([points[:, 0], -points[:, 2], points[:, 1]])
-        every = Transform(
-            np.repeat(self._frame.yaw, len(points)),
-            np.repeat(self._frame.translation, len(points), axis=0),
-        )
-        moved: Array = every.apply(points)
-        return moved
 
     def _end(self) -> None:
         """Kill the process, which ends the thread."""

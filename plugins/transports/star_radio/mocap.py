@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from star_core import PluginError, Problem, Registry, Scene, Truth
+from star_core import Array, PluginError, Problem, Registry, Scene, Truth
 from star_radio.options import MOCAP_KIND
 
 log = logging.getLogger(__name__)
@@ -75,6 +75,11 @@ class TrueBodies:
         if newest > _time(earlier):
             velocity = (poses[:, :3] - earlier.poses[:, :3]) / (newest - _time(earlier))
         return Truth(newest - began, poses[:, :3], velocity, poses[:, 3:])
+
+    def markers(self) -> Array:
+        """Return the markers in the newest frame that belong to no body, (M, 3) m."""
+        markers: Array = self._system.recent()[-1].markers
+        return markers
 
     def close(self) -> None:
         """Disconnect. Safe to call twice."""

@@ -65,7 +65,7 @@ class Placement(NamedTuple):
     Attributes:
         source: What measures it.
         position: m.
-        yaw: rad.
+        yaw: rad; NaN if it is not measured.
     """
 
     source: str
@@ -159,16 +159,16 @@ def positioning(agent: str, *, visible: bool, why: str = "") -> Finding:
 
     Args:
         agent: Its name.
-        visible: Whether its body is in a new frame.
+        visible: Whether its body, or a marker near its start, is in a new frame.
         why: Why the system does not work; empty if it does.
     """
     if visible:
-        return Finding(agent, "positioning", Severity.OK, "motion capture sees its body")
+        return Finding(agent, "positioning", Severity.OK, "motion capture measures it")
     if why:
         remedy = "start the system, and check the options of its source"
         return Finding(agent, "positioning", Severity.ERROR, why, remedy)
-    remedy = "check its markers, and the name of its body in the system and in `bodies`"
-    text = "motion capture does not see its body"
+    remedy = "check its markers, its start, and the name of its body in the system and in `bodies`"
+    text = "motion capture does not measure it"
     return Finding(agent, "positioning", Severity.ERROR, text, remedy)
 
 
@@ -246,12 +246,12 @@ def _start(agent: Agent, placement: Placement | None) -> Finding:
         return Finding(agent.name, "start", Severity.OK, text)
     error = math.hypot(placement.position[0] - x, placement.position[1] - y)
     turn = abs(float(wrap_angle(placement.yaw - agent.yaw)))
-    if error <= MAX_START_ERROR and turn <= MAX_YAW_ERROR:
-        text = f"{error:.2f} m and {math.degrees(turn):.0f}° from {planned}, by {placement.source}"
+    turned = "" if math.isnan(turn) else f" and {math.degrees(turn):.0f}°"
+    if error <= MAX_START_ERROR and not turn > MAX_YAW_ERROR:
+        text = f"{error:.2f} m{turned} from {planned}, by {placement.source}"
         return Finding(agent.name, "start", Severity.OK, text)
-    text = (
-        f"stands at [{placement.position[0]:.2f}, {placement.position[1]:.2f}] heading "
-        f"{math.degrees(placement.yaw):.0f}° by {placement.source}, expected {planned}"
-    )
+    text = f"stands at [{placement.position[0]:.2f}, {placement.position[1]:.2f}]"
+    text += f" heading {math.degrees(placement.yaw):.0f}°" if turned else ""
+    text += f" by {placement.source}, expected {planned}"
     remedy = "put it there, or write where it stands (`star scan --write`)"
     return Finding(agent.name, "start", Severity.ERROR, text, remedy)

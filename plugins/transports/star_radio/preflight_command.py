@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import sys
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -13,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from star_core import Agent, Image, InputError, Mission, PluginError, Registry, Scene, load
+from star_core import Agent, Array, Image, InputError, Mission, PluginError, Registry, Scene, load
 from star_core.commands import add_set_option
 from star_core.toolkit import fill_defaults, gray_from_mosaic, yaw_from_quaternion
 from star_radio import preflight
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
 
 LOW_VOLTAGE: Final = 3.2  # V, of missions without a rule: the firmware's `pm.lowVoltage`
 MOCAP_TIMEOUT: Final = 2.0  # s, for the first frame
+MAX_MARKER_DISTANCE: Final = 0.3  # m, from the start: localizer `mocap` takes none farther away
 POLL_PERIOD: Final = 0.02  # s
 
 
@@ -129,7 +131,7 @@ def _motion_capture(mission: Mission, options: RadioOptions) -> Mapping[str, Any
     """Return the options of the system by which a mission flies, or that is its ground truth."""
     localizer = mission.plugins["localizer"]
     if localizer.use == "mocap" and localizer.options.get("source"):
-        return localizer.options if localizer.options["track"] == "bodies" else None
+        return localizer.options
     return options.mocap
 
 
@@ -145,6 +147,8 @@ def _placements(scene: Scene, system: Mapping[str, Any]) -> tuple[dict[int, Plac
             if time.monotonic() > began + MOCAP_TIMEOUT:
                 return {}, f"motion capture sends no frame in {MOCAP_TIMEOUT:g} s"
             time.sleep(POLL_PERIOD)
+        if system.get("track") == "markers":
+            return _by_markers(scene, capture.markers()), ""
     finally:
         capture.close()
     return {
@@ -155,6 +159,17 @@ def _placements(scene: Scene, system: Mapping[str, Any]) -> tuple[dict[int, Plac
         )
         for row in np.flatnonzero(np.isfinite(truth.position).all(axis=1)).tolist()
     }, ""
+
+
+def _by_markers(scene: Scene, markers: Array) -> dict[int, Placement]:
+    """Return where agents stand by the nearest of (M, 3) markers without names, by row."""
+    placements = {}
+    for row, agent in enumerate(scene.agents):
+        distance = np.linalg.norm(markers - np.array(agent.start), axis=1)
+        if distance.min(initial=np.inf) <= MAX_MARKER_DISTANCE:
+            nearest = tuple(markers[int(distance.argmin())].tolist())
+            placements[row] = Placement("motion capture", nearest, math.nan)
+    return placements
 
 
 def _text(mission: Mission, findings: Sequence[Finding]) -> str:

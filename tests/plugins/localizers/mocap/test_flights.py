@@ -9,13 +9,18 @@ import pytest
 
 from star_core import Registry, Tick, Truth, fly, hookimpl, load
 from star_sim.transport import Simulator
-from tests.campaign import mocap
+from tests.campaign import mocap, mocap_fleet
 
 SEED = mocap.SEED + 500
 
 
 @pytest.mark.parametrize("holds", mocap.LOSSES.values(), ids=list(mocap.LOSSES))
 def test_what_a_system_loses_is_noticed(holds: Callable[[int], bool]) -> None:
+    assert holds(SEED)
+
+
+@pytest.mark.parametrize("holds", [mocap_fleet.long_loss, mocap_fleet.exchange])
+def test_losses_are_noticed_over_the_protocols(holds: Callable[[int], bool]) -> None:
     assert holds(SEED)
 
 
@@ -33,6 +38,7 @@ def test_positions_are_within_a_centimetre(forward: str) -> None:
     flight = mocap.accuracy(SEED, [f"localizer.forward={forward}"])
     assert flight.rms <= 0.01
     assert 0.5 <= flight.nees <= 2.0
+    assert (flight.on_board < 0.05) is (forward != "none")
 
 
 class Estimates:

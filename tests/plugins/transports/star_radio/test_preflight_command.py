@@ -30,7 +30,7 @@ from star_radio.camera.expected_tags import tags_from
 from star_radio.connection.link import Link
 from star_radio.inspection import Equipment, Inspection, link_quality
 from star_radio.preflight import Finding, Placement, Severity
-from star_radio.preflight_command import visible_tags
+from star_radio.preflight_command import _by_markers, visible_tags
 from tests.campaign.preflight import CLEAN, FAULTS, misreports
 from tests.commands import command
 from tests.plugins.transports.star_radio.conftest import Open, Peers
@@ -116,6 +116,19 @@ def test_old_firmware_that_reports_little_is_no_fault() -> None:
 def test_starts_are_compared_with_the_mission(x: float, yaw_deg: float, severity: str) -> None:
     placement = Placement("motion capture", (x, 0.0, 0.0), math.radians(yaw_deg))
     assert findings(placement)["start"].severity == severity
+
+
+def test_a_marker_measures_the_start_without_a_heading() -> None:
+    room = dataclasses.replace(scene(2), agents=(AGENT, dataclasses.replace(AGENT, name="cf2")))
+    x, y, z = AGENT.start
+    near = _by_markers(room, np.array([[x + 5, y, z], [x + 0.1, y, z]]))
+    assert near.keys() == {0, 1}
+    found = findings(near[0])["start"]
+    assert found.severity == Severity.OK
+    assert found.text.startswith("0.10 m from [")
+    assert findings(near[0]._replace(position=(x + 0.2, y, z)))["start"].severity == "error"
+    assert _by_markers(room, np.array([[x + 0.4, y, z]])) == {}
+    assert _by_markers(room, np.zeros((0, 3))) == {}
 
 
 def test_cameras_that_see_no_tag_in_view_are_reported() -> None:
