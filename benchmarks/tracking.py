@@ -43,10 +43,10 @@ FLIGHTS: Final = {
     "pid": EXACT,
     "mellinger": (*EXACT, "transport.controller=mellinger"),
     "ideal": (*EXACT, "transport.profile=ideal", "transport.controller=ideal"),
-    "positions": ("transport={use: sim, positioning: {std: 0.01}}", "localizer=positioning"),
+    "positions": ("transport={use: sim, positioning: {std: 0.01}}", "localizer=mocap"),
     "positions, mellinger": (
         "transport={use: sim, controller: mellinger, positioning: {std: 0.01}}",
-        "localizer=positioning",
+        "localizer=mocap",
     ),
     "flow": (),
 }

@@ -329,6 +329,11 @@ class OpenFlight:
         """
         self._running_loop.program.send(command)
 
+    def fail(self, reason: str) -> None:
+        """End the flight as failed, if it has not ended: `close` then lands all agents."""
+        if not self.over:
+            self._stop("fail", reason)
+
     def close(self) -> dict[str, Any]:
         """Land all agents and close the plugins; return the summary, as ``summary.json`` keeps it.
 

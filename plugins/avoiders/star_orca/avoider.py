@@ -16,6 +16,7 @@ from star_orca.outlines import outlines
 # deflects a path by at most 5 % of its length (tan(turn) / e: the logarithmic spiral of a steady
 # offset).
 TURN = math.radians(8.0)
+ROUNDING = 1e-6  # m/s, within which a velocity that needs no correction is returned
 TINY = 1e-12  # m/s
 AT_GOAL = 0.3  # m: a nearer agent is where it is to stay
 REMAINING = math.exp(-1.0)  # share of a difference that remains after one time constant
@@ -115,34 +116,43 @@ class Orca:
             )
             covariance, wish = extended_estimate.covariance, np.array(extended.velocity)
         deviations, obstacles = self._uncertainty_margin, self._outlines
-        result = orca(  # arrays are writable and in C order: one set of types
-            position,
-            velocity,
-            wish,
-            radius,
-            position_margin(covariance, deviations, self._spacing),
-            speed,
-            gives_way,
-            self._distant_goals(position, avoids),
-            position_margin(covariance, deviations, self._clearance),
-            self._fence,
-            obstacles.edges if len(obstacles.edges) else None,
-            obstacles.first,
-            obstacles.height,
-            self._obstacle_horizon,
-            self._clearance,
-            self._virtual,
-            self._horizon,
-            self._communication_radius,
-            self._max_neighbours + more,
-            self._vertical,
-            self._apart_in,
-            TURN,
-        )
+
+        def solved(turn: float) -> Array:
+            return orca(  # arrays are writable and in C order: one set of types
+                position,
+                velocity,
+                wish,
+                radius,
+                position_margin(covariance, deviations, self._spacing),
+                speed,
+                gives_way,
+                self._distant_goals(position, avoids),
+                position_margin(covariance, deviations, self._clearance),
+                self._fence,
+                obstacles.edges if len(obstacles.edges) else None,
+                obstacles.first,
+                obstacles.height,
+                self._obstacle_horizon,
+                self._clearance,
+                self._virtual,
+                self._horizon,
+                self._communication_radius,
+                self._max_neighbours + more,
+                self._vertical,
+                self._apart_in,
+                turn,
+            )[:n]
+
+        result = solved(TURN)
         if more:
-            result = result[:n].copy()
+            result = result.copy()
         if self._response > 0.0:
             self._limit_acceleration(result, estimate.velocity, avoids)
+        followed = wanted.followed()
+        if np.count_nonzero(followed):  # the rule of the road turns agents that need not avoid
+            free = np.abs(solved(0.0) - wish[:n]).max(axis=1) <= ROUNDING
+            keep = followed & free
+            result[keep] = wanted.velocity[keep]
         self._last_setpoint, self._has_setpoint = result, avoids
         return Setpoint(frozen(result), wanted.yaw, wanted.active)
 

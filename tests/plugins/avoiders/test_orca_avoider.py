@@ -236,3 +236,21 @@ def test_a_communication_radius_within_the_radii_is_refused() -> None:
         "neighbours would be detected too late"
     )
     assert not checked()
+
+
+def test_agents_on_trajectories_keep_velocities_that_need_no_avoiding() -> None:
+    room = scene(2, limits=Limits(speed=SPEED))
+    position = np.array([[0.0, 0.0, 0.8], [1.2, 0.0, 0.8]])
+    aside = wanted(np.array([[0.2, 0.4, 0.0], [0.2, 0.0, 0.0]]))
+    still = np.zeros((2, 3))
+    followed = replace(aside, position=position, acceleration=still)
+    now = estimate(position, velocity=aside.velocity)
+    turned = orca(room).avoid(now, aside).velocity
+    kept = orca(room).avoid(now, followed).velocity
+    assert abs(turned[0] - aside.velocity[0]).max() > 0.02  # by the rule of the road
+    assert kept.tolist() == aside.velocity.tolist()
+    towards = replace(
+        wanted(TOWARDS_EACH_OTHER), position=HEAD_ON, acceleration=still
+    )  # which needs it
+    avoided = orca(room).avoid(estimate(HEAD_ON, velocity=TOWARDS_EACH_OTHER), towards).velocity
+    assert abs(avoided - TOWARDS_EACH_OTHER).max() > 0.1

@@ -1,0 +1,334 @@
+"""Scripts for crazyflie_py and pycrazyswarm, run as they are."""
+
+from __future__ import annotations
+
+import json
+import sys
+import textwrap
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import star_yaml
+from star_core import InputError, Operator, Registry, hookimpl, load, read_run
+from star_script.run_script import run_script
+from star_verbs.follow.files import PIECE_COLUMNS
+from tests.commands import command
+from tests.core.conftest import Lab
+
+main = command("script")
+
+ROBOTS = """\
+fileversion: 3
+robots:
+  cf1: {enabled: true, uri: radio://0/80/2M/E7E7E7E701, initial_position: [0, 0, 0], type: cf21}
+  cf2: {enabled: true, uri: radio://0/80/2M/E7E7E7E702, initial_position: [0, 1, 0], type: cf21}
+robot_types:
+  cf21: {motion_capture: {enabled: true}, big_quad: false}
+"""
+BEGIN = """\
+import numpy as np
+from crazyflie_py import Crazyswarm
+swarm = Crazyswarm()
+timeHelper, allcfs = swarm.timeHelper, swarm.allcfs
+cf1, cf2 = allcfs.crazyflies
+allcfs.takeoff(targetHeight=0.8, duration=2.0)
+timeHelper.sleep(4.0)
+"""
+END = """
+allcfs.land(targetHeight=0.04, duration=2.0)
+timeHelper.sleep(3.0)
+"""
+
+Fly = Callable[..., tuple[int, dict[str, Any]]]
+
+
+@pytest.fixture
+def fly(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Fly:
+    """Run a script; return the exit status and the summary."""
+    (tmp_path / "crazyflies.yaml").write_text(ROBOTS)
+
+    def run(body: str, *options: str, begin: str = BEGIN, end: str = END) -> Any:
+        script = tmp_path / "hover.py"
+        script.write_text(begin + textwrap.dedent(body) + end)
+        swarm = str(tmp_path / "crazyflies.yaml")
+        if "--out" not in options:
+            options = ("--no-record", *options)
+        status = main([str(script), "--swarm", swarm, "--json", "--seed", "3", *options])
+        out = capsys.readouterr().out
+        return status, json.loads(out[out.index("{\n") :])
+
+    return run
+
+
+def said(summary: dict[str, Any], kind: str = "script") -> list[str]:
+    return [event["text"] for event in summary["events"] if event["kind"] == kind]
+
+
+def test_a_script_flies_is_recorded_and_flies_the_same_again(fly: Fly, tmp_path: Path) -> None:
+    body = """
+    pos = np.array(cf1.initialPosition) + np.array([0.5, 0, 1.0])
+    cf1.goTo(pos, 0, 2.0)
+    timeHelper.sleep(3.0)
+    assert abs(cf1.position[0] - 0.5) < 0.06, cf1.position
+    assert np.allclose(cf2.get_position()[2], 0.8, atol=0.1)
+    """
+    runs = []
+    for name in ("first", "second"):
+        status, summary = fly(body, "--out", str(tmp_path / name))
+        assert (status, summary["outcome"]) == (0, "completed"), summary["reason"]
+        runs.append(read_run(tmp_path / name))
+    assert said(summary)[:2] == ["hover.py:6 takeoff cf1, cf2", "hover.py:10 goTo cf1"]
+    one, other = (run.arrays for run in runs)
+    assert one["truth_position"].tobytes() == other["truth_position"].tobytes()
+    assert one.keys() == other.keys()
+    assert runs[0].agents == ("cf1", "cf2")
+
+
+def test_trajectories_are_flown_in_their_own_time(fly: Fly, tmp_path: Path) -> None:
+    axes = np.zeros((4, 8))
+    for power, factor in ((3, 10), (4, -15), (5, 6)):
+        axes[0, power] = factor * 0.8 / 2.0**power
+    row = ",".join(map(repr, [2.0, *axes.ravel().tolist()]))
+    (tmp_path / "way.csv").write_text(f"{','.join(PIECE_COLUMNS)},\n{row},\n")
+    body = """
+    from pathlib import Path
+    from crazyflie_py.uav_trajectory import Trajectory
+    traj = Trajectory()
+    traj.loadcsv(Path(__file__).parent / "way.csv")
+    for cf in allcfs.crazyflies:
+        cf.uploadTrajectory(0, 0, traj)
+    allcfs.startTrajectory(0)
+    for expected in (0.4, 0.8):
+        timeHelper.sleep(1.0)
+        assert abs(cf1.position[0] - expected) < 0.12, (expected, cf1.position)
+    timeHelper.sleep(1.0)
+    cf2.startTrajectory(0, timescale=0.9, reverse=True)
+    timeHelper.sleep(2.5)
+    assert abs(cf2.position[0]) < 0.12, cf2.position
+    """
+    status, summary = fly(body)
+    assert (status, summary["outcome"]) == (0, "completed"), summary["reason"]
+
+
+def test_setpoints_are_flown_and_end(fly: Fly) -> None:
+    body = """
+    start = timeHelper.time()
+    while timeHelper.time() - start < 2.0:
+        t = timeHelper.time() - start
+        cf1.cmdFullState([0.3 * t, 0, 0.8], [0.3, 0, 0], [0, 0, 0], 0.0, [0, 0, 0])
+        cf2.cmdVelocityWorld([0.2, 0, 0], yawRate=0)
+        timeHelper.sleepForRate(30)
+    assert abs(cf1.position[0] - 0.6) < 0.1, cf1.position
+    assert 0.25 < cf2.position[0] < 0.5, cf2.position
+    for _ in range(40):
+        cf1.cmdPosition([0.6, 0.0, 1.0], yaw=0.0)
+        cf2.cmdHover(-0.2, 0, 0, 0.6)
+        timeHelper.sleep(0.05)
+    assert abs(cf1.position[2] - 1.0) < 0.1, cf1.position
+    assert abs(cf2.position[2] - 0.6) < 0.1, cf2.position
+    allcfs.notifySetpointsStop()
+    timeHelper.sleep(1.0)
+    before = cf2.position
+    timeHelper.sleep(1.0)
+    assert np.linalg.norm(np.array(cf2.position) - before) < 0.1
+    """
+    status, summary = fly(body)
+    assert (status, summary["outcome"]) == (0, "completed"), summary["reason"]
+
+
+@pytest.mark.parametrize(
+    ("body", "text"),
+    [
+        (
+            "cf1.goTo([0, 1, 0.8], 0, 3)\ntimeHelper.sleep(4)",
+            "hover.py:8 and hover.py:6: cf1 and cf2 would be 0.1",
+        ),
+        (
+            "cf1.goTo([0, 1, 0.8], 0, 3)\ncf2.goTo([0, 0, 0.8], 0, 3)\ntimeHelper.sleep(4)",
+            "hover.py:8 and hover.py:9: cf1 and cf2 would be ",
+        ),
+        ("cf1.goTo([9, 0, 1], 0, 3)", "hover.py:8: goTo: cf1 would leave: [9, 0, 1] is outside"),
+        ("cf2.cmdPosition([0, 0, 9])", "hover.py:8: cmdPosition: cf2 would leave: [0, 0, 9]"),
+        ("cf2.takeoff(9, 3)", "hover.py:8: takeoff: 9 m is outside"),
+        ("cf1.goTo([np.nan, 0, 1], 0, 3)", "hover.py:8: goTo: [nan, 0.0, 1.0], expected numbers"),
+        ("cf1.startTrajectory(7)", "hover.py:8: KeyError: 'cf1 has no trajectory 7; upload it"),
+        ("1 / 0", "hover.py:8: ZeroDivisionError: division by zero"),
+        ("raise SystemExit(3)", "hover.py exited with 3"),
+    ],
+)
+def test_a_script_that_fails_is_stopped_and_its_line_named(
+    fly: Fly, body: str, text: str
+) -> None:  # fmt: skip
+    status, summary = fly(body)
+    assert status == 1
+    assert summary["outcome"] == "failed"
+    assert summary["reason"].startswith(text), summary["reason"]
+    assert summary["collisions"]["agent_agent"] == 0
+    assert [event["text"] for event in summary["events"]][-1]
+
+
+def test_agents_that_exchange_positions_are_no_collision(fly: Fly) -> None:
+    body = """
+    cf1.goTo([0.0, 1.0, 0.8], 0, 4)
+    cf2.goTo([0.0, 2.0, 0.8], 0, 4)
+    timeHelper.sleep(5)
+    assert abs(cf1.position[1] - 1.0) < 0.1
+    """
+    status, summary = fly(body)
+    assert (status, summary["outcome"]) == (0, "completed"), summary["reason"]
+
+
+def test_groups_heed_their_masks(fly: Fly) -> None:
+    begin = BEGIN.partition("allcfs.takeoff")[0]
+    body = """
+    cf1.setGroupMask(0b1001)
+    cf2.setGroupMask(0b0100)
+    allcfs.takeoff(0.5, 2.0, groupMask=2)
+    timeHelper.sleep(1.0)
+    assert cf1.position[2] < 0.1
+    allcfs.takeoff(0.5, 2.0, groupMask=1)
+    timeHelper.sleep(3.0)
+    assert cf1.position[2] > 0.4
+    assert cf2.position[2] < 0.1
+    """
+    status, summary = fly(body, begin=begin)
+    assert (status, summary["outcome"]) == (0, "completed"), summary["reason"]
+
+
+def test_an_emergency_stops_the_motors(fly: Fly) -> None:
+    status, summary = fly("cf1.emergency()\ntimeHelper.sleep(1.5)\nassert cf1.position[2] < 0.1")
+    assert summary["outcome"] != "completed" or status == 0
+    assert any("hover.py:8 emergency cf1" in text for text in said(summary))
+
+
+def test_parameters_status_and_the_rest_of_the_interface(fly: Fly) -> None:
+    body = """
+    cf1.arm(True)
+    allcfs.arm(False)
+    allcfs.setParam('led.bitmask', 128)
+    assert cf2.getParam('led.bitmask') == 128
+    cf1.setLEDColor(1, 0, 0)
+    status = cf1.get_status()
+    assert status['pm_state'] == 0 and status['battery'] > 3, status
+    assert status['id'] == 'cf1'
+    assert allcfs.crazyfliesById[2] is cf2 and allcfs.crazyfliesByName['cf1'] is cf1
+    assert abs(cf1.get_pose()['orientation'][3]) > 0.9
+    assert cf2.uri == 'radio://0/80/2M/E7E7E7E702'
+    before = timeHelper.time()
+    swarm.input.waitUntilButtonPressed()
+    assert abs(timeHelper.time() - before - 0.5) < 0.06
+    assert not timeHelper.isShutdown()
+    allcfs.goTo([0.2, 0, 0], 0, 2.0)
+    timeHelper.sleep(3.0)
+    assert abs(cf2.position[0] - 0.2) < 0.06
+    """
+    status, summary = fly(body, "--button", "0.5")
+    assert (status, summary["outcome"]) == (0, "completed"), summary["reason"]
+
+
+def test_scripts_of_pycrazyswarm_run_too(fly: Fly) -> None:
+    begin = BEGIN.replace("from crazyflie_py import Crazyswarm", "from pycrazyswarm import *")
+    body = """
+    import uav_trajectory
+    uav_trajectory.Trajectory()
+    assert abs(cf1.position()[2] - 0.8) < 0.1
+    assert abs(cf1.yaw()) < 0.1
+    """
+    status, summary = fly(body, begin=begin)
+    assert (status, summary["outcome"]) == (0, "completed"), summary["reason"]
+    assert "pycrazyswarm" not in sys.modules
+    assert "crazyflie_py" not in sys.modules
+
+
+def test_a_flight_after_a_landing_waits_for_the_floor(fly: Fly) -> None:
+    body = """
+    allcfs.land(0.04, 1.0)
+    timeHelper.sleep(1.5)
+    allcfs.takeoff(0.6, 2.0)
+    timeHelper.sleep(11.0)
+    assert abs(cf1.position[2] - 0.6) < 0.1, cf1.position
+    """
+    status, summary = fly(body)
+    assert (status, summary["outcome"]) == (0, "completed"), summary["reason"]
+
+
+def test_arguments_and_files_beside_a_script_are_its_own(fly: Fly, tmp_path: Path) -> None:
+    (tmp_path / "beside.py").write_text("HEIGHT = 0.5\n")
+    body = """
+    import sys
+    from beside import HEIGHT
+    assert sys.argv[1:] == ['--fast'], sys.argv
+    """
+    status, summary = fly(body, "--", "--fast")
+    assert (status, summary["outcome"]) == (0, "completed"), summary["reason"]
+
+
+def test_a_missing_script_and_a_missing_swarm_are_reported(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"none.py: no such file \[file-not-found\]"):
+        main([str(tmp_path / "none.py"), "--swarm", "first_flight"])
+    (tmp_path / "empty.py").write_text("")
+    with pytest.raises(InputError, match=r"none\.yaml"):
+        main([str(tmp_path / "empty.py"), "--swarm", str(tmp_path / "none.yaml")])
+
+
+def test_observers_receive_the_ticks_of_a_script(tmp_path: Path) -> None:
+    class Ticks:
+        count = 0
+
+        @hookimpl
+        def star_ticked(self) -> None:
+            self.count += 1
+
+    ticks = Ticks()
+    registry = Registry(ticks)
+    script = tmp_path / "short.py"
+    script.write_text("from crazyflie_py import Crazyswarm\nCrazyswarm().timeHelper.sleep(1)\n")
+    mission = load("first_flight", registry)
+    summary, failed = run_script(script, (), mission, registry, Operator())
+    assert not failed
+    assert summary["outcome"] == "completed"
+    assert ticks.count >= 20
+
+
+def test_a_script_in_real_time_flies_in_its_own_thread(lab: Lab, tmp_path: Path) -> None:
+    script = tmp_path / "thread.py"
+    script.write_text(
+        "import threading\n"
+        "from crazyflie_py import Crazyswarm\n"
+        "swarm = Crazyswarm()\n"
+        "assert threading.current_thread() is not threading.main_thread()\n"
+        "swarm.allcfs.takeoff(1.0, 1.0)\n"
+        "swarm.timeHelper.sleep(3.0)\n"
+        "swarm.allcfs.crazyflies[0].goTo([0.5, 0, 1.0], 0, 2.0)\n"
+        "swarm.timeHelper.sleep(4.0)\n"
+        "assert abs(swarm.allcfs.crazyflies[0].position[0] - 0.5) < 0.1\n"
+    )
+    lab.realtime = True
+    lab.registry = Registry(star_yaml, lab, installed=False)
+    limits = "limits: {speed: 1, height: [0, 2]}\n"
+    summary, failed = run_script(
+        script, (), lab.load(more=limits), lab.registry, Operator()
+    )  # fmt: skip
+    assert not failed, summary["reason"]
+    assert summary["outcome"] == "completed"
+    assert lab.went("cf1")[-1] == "landed"
+
+
+def test_a_flight_that_ends_stops_its_script(lab: Lab, tmp_path: Path) -> None:
+    script = tmp_path / "endless.py"
+    script.write_text(
+        "from crazyflie_py import Crazyswarm\n"
+        "swarm = Crazyswarm()\n"
+        "swarm.allcfs.takeoff(1.0, 1.0)\n"
+        "while True:\n    swarm.timeHelper.sleep(1.0)\n"
+    )
+    lab.spoil("transport", "wait", RuntimeError("boom"), range(60, 61))
+    limits = "limits: {speed: 1, height: [0, 2]}\n"
+    summary, failed = run_script(script, (), lab.load(more=limits), lab.registry, Operator())
+    assert failed
+    assert "boom" in summary["reason"]
+    assert lab.went("cf1")[-1] == "landed"
