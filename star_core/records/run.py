@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from star_core.errors import InputError
-from star_core.messages.arrays import Array, Rows
+from star_core.messages.arrays import Array, Mask, Rows
+from star_core.messages.state import AgentPhase
 from star_core.messages.telemetry import Detections
 from star_core.plugin_support.registry import Registry
 from star_core.world.scene import Agent
@@ -80,6 +81,16 @@ class Run:
     agents: tuple[str, ...]
     swarm: tuple[Agent, ...]
     world: World
+
+    def in_flight(self) -> Mask:
+        """Return when each agent is between take-off and landing, (T, N); also while it is lost."""
+        phase = self.arrays["phase"]
+        flying, lost = phase == AgentPhase.FLYING, phase == AgentPhase.LOST
+        mask: Mask = np.zeros(flying.shape, np.bool_)
+        up = np.zeros(flying.shape[1], np.bool_)
+        for t in range(len(phase)):
+            mask[t] = up = flying[t] | (up & lost[t])
+        return mask
 
     def images(self, agent: str) -> dict[int, Path]:
         """Return the saved images of an agent by their times, ms."""

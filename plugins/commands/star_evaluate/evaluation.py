@@ -11,7 +11,7 @@ from scipy.optimize import minimize_scalar
 from scipy.signal import fftconvolve
 from scipy.spatial.transform import Rotation
 
-from star_core import AgentPhase, Array, InputError, Mask, Run
+from star_core import Array, InputError, Mask, Run
 
 Alignment: TypeAlias = Literal["none", "yaw", "rigid"]
 
@@ -160,21 +160,10 @@ def at(time: Array, track: Array, offset: float) -> Array:
 
 
 def _compared(run: Run, row: int, track: Array) -> Compared:
-    phase = run.arrays["phase"][:, row]
-    flying = _between(phase)
     estimate = run.arrays["estimate_position"][:, row]
-    rows = flying & np.isfinite(estimate.sum(axis=1))
+    rows = run.in_flight()[:, row] & np.isfinite(estimate.sum(axis=1))
     std = run.arrays["estimate_position_std"][rows, row]
     return Compared(row, run.arrays["time"][rows], estimate[rows], std, track)
-
-
-def _between(phase: Array) -> Mask:
-    """Return when an agent is between take-off and landing, (T,); also while it is lost."""
-    up, mask = False, np.zeros(len(phase), np.bool_)
-    for t, now in enumerate(phase.tolist()):
-        up = now == AgentPhase.FLYING or (up and now == AgentPhase.LOST)
-        mask[t] = up
-    return mask
 
 
 def _errors(offset: Array, std: Array, known: Mask, length: float) -> Errors:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from star_core import AgentPhase, Array, Mask, Run
+from star_core import Array, Mask, Run
 
 AXES = "xyzw"
 
@@ -37,7 +37,7 @@ def tum_files(run: Run) -> Iterator[tuple[str, str]]:
     time, estimate = run.arrays["time"], run.arrays["estimate_position"]
     half = 0.5 * run.arrays["estimate_yaw"]
     level = np.stack([0 * half, 0 * half, np.sin(half), np.cos(half)], axis=2)
-    flying = in_flight(run)
+    flying = run.in_flight()
     for i, name in enumerate(run.agents):
         finite = np.isfinite(estimate[:, i].sum(axis=1) + half[:, i])
         yield f"{name}-estimate.tum", _poses(time, estimate[:, i], level[:, i], finite)
@@ -47,18 +47,6 @@ def tum_files(run: Run) -> Iterator[tuple[str, str]]:
             attitude = np.where(finite, attitude, [0.0, 0.0, 0.0, 1.0])
             counted = flying[:, i] & np.isfinite((estimate[:, i] - true).sum(axis=1))
             yield f"{name}-ground_truth.tum", _poses(time, true, attitude, counted)
-
-
-def in_flight(run: Run) -> Mask:
-    """Return when each agent is between take-off and landing, (T, N); also while it is lost."""
-    phase = run.arrays["phase"]
-    flying: Mask = np.equal(phase, AgentPhase.FLYING)
-    mask: Mask = np.zeros(flying.shape, np.bool_)
-    up = np.zeros(flying.shape[1], np.bool_)
-    for t in range(len(phase)):
-        up = (up | flying[t]) & (flying[t] | (phase[t] == AgentPhase.LOST))
-        mask[t] = up
-    return mask
 
 
 def _poses(time: Array, position: Array, attitude: Array, rows: Mask) -> str:
