@@ -13,15 +13,13 @@ import math
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from importlib import import_module
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Final
 
 import numpy as np
 import pytest
-from natnet.data_frame import DataFrame
-from natnet.packet_buffer import PacketBuffer
-from natnet.version import Version
 
 from star_core import AgentPhase, PoseFixes, Registry, Scene, Tick, fly, hookimpl, load
 from star_core.toolkit import Fault, fill_defaults
@@ -111,6 +109,7 @@ class Received(CaptureFrames):
     def __init__(self, air: Air, scene: Scene, options: Mapping[str, Any]) -> None:
         super().__init__(scene, options)
         self._air, self._ticks = air, natnet.Ticks()
+        self._package: Any = import_module("natnet")
         self._names = {row + 1: name for row, name in enumerate(scene.names)}
         self._server = NatNetServer(scene.names, "127.0.0.1", 0)
         air.fleet.capture(self._receive)
@@ -118,8 +117,9 @@ class Received(CaptureFrames):
     def _receive(self, fixes: PoseFixes, now: float) -> None:
         for at in np.unique(fixes.time):
             message = self._server.frame(fixes, np.equal(fixes.time, at), now)
-            content = PacketBuffer(message[HEADER:])
-            data = DataFrame.read_from_buffer(content, Version(*VERSION))
+            content, version = message[HEADER:], self._package.Version(*VERSION)
+            packet = self._package.PacketBuffer(content)
+            data = self._package.DataFrame.read_from_buffer(packet, version)
             self.add(self._air.now, natnet.frame_of(data, self._names, self._ticks))
 
     def close(self) -> None:

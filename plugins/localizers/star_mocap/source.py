@@ -68,7 +68,7 @@ class MocapSourceSpec(Spec):
         """Yield a problem if the package of the source that options choose is not installed."""
         (name,) = options["source"]
         package, install = registry.find(KIND, name).offer.package
-        if package and util.find_spec(package) is None:
+        if package and not installed(package):
             text = f"it needs the package {package!r}: pip install {install}"
             yield Problem(("source", name), text, "missing-package")
 
@@ -85,6 +85,11 @@ class MocapSourceSpec(Spec):
             raise PluginError(f"motion capture: {problem.message}", problem.code)
         schema = {"properties": system_options(registry)}
         return MotionCapture(registry, scene, fill_defaults(options, schema))
+
+
+def installed(package: str) -> bool:
+    """Return whether a package can be imported."""
+    return util.find_spec(package) is not None
 
 
 def system_options(registry: Registry) -> dict[str, Any]:

@@ -181,6 +181,8 @@ def stream() -> Iterator[Callable[..., Mapping[str, Any]]]:
 
 
 def test_natnet_sends_poses_and_their_times(stream: Any) -> None:
+    pytest.importorskip("natnet")
+
     def measured(time: float) -> PoseFixes:
         return fixes(time, [[time, 0, 1]], agent=[0])
 
@@ -194,6 +196,8 @@ def test_natnet_sends_poses_and_their_times(stream: Any) -> None:
 
 
 def test_natnet_sends_markers_without_names(stream: Any) -> None:
+    pytest.importorskip("natnet")
+
     def measured(time: float) -> PoseFixes:
         return fixes(time, [[0.5, 0, 1], [2, 0, 1]], agent=[-1, -1])
 
@@ -205,6 +209,7 @@ def test_natnet_sends_markers_without_names(stream: Any) -> None:
 
 
 def test_a_natnet_server_that_is_not_there_is_named() -> None:
+    pytest.importorskip("natnet")
     with pytest.raises(
         PluginError, match=r"natnet.*no server answers at 127.0.0.1, command port 9"
     ):
