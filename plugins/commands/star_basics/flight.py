@@ -4,24 +4,19 @@ from __future__ import annotations
 
 import json
 import logging
-import os
-import signal
-import sys
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from itertools import count
 from pathlib import Path
 from tempfile import TemporaryFile
-from types import FrameType, MappingProxyType
+from types import MappingProxyType
 
 from star_basics.land_requests import listening
 from star_basics.latest_run import LatestRun
 from star_basics.live_view import FlightProgress
 from star_basics.summary_text import format_summary
 from star_core import InputError, Mission, Operator, Registry, fly, load
-from star_core.commands import Source, guarded, new_folder
+from star_core.commands import Source, guarded, land_on_signals, new_folder
 from star_core.toolkit import Progress, log
 
 log_messages = logging.getLogger(__name__)
@@ -80,7 +75,7 @@ def run_mission(  # noqa: PLR0913 -- options of the command
         observer = guarded("option", option, option.offer.make, mission, registry, *values)
         registry.add(observer, replace(option.source, plugin=f"{option.source.plugin}:{name}"))
     operator = operator or Operator()
-    with _signals(operator), listening(operator, mission.name):
+    with land_on_signals(operator), listening(operator, mission.name):
         summary = fly(mission, registry, folder=folder, save_frames=save_frames, operator=operator)
     status = int(bool(operator.lost) or summary["outcome"] != "completed")
     lost = [f"not recorded: {text}" for text in operator.lost]
@@ -124,36 +119,3 @@ def _folder(out: str | None, name: str) -> Path:
         text = f"--out {out}: holds the record of a run already; name another folder"
         raise InputError(text, "unwritable-file")
     return folder
-
-
-@contextmanager
-def _signals(operator: Operator) -> Iterator[None]:
-    """Land at Ctrl-C, SIGTERM and SIGHUP instead of being ended by them; then stop the motors."""
-    numbers = count(1)
-
-    def handle(number: int, _frame: FrameType | None) -> None:
-        match next(numbers):
-            case 1:
-                operator.land_all()
-                what = "landing; again stops the motors"
-            case 2:
-                operator.stop_motors()
-                what = "stopping the motors; again interrupts a plugin that hangs"
-            case _ if operator.recording:
-                what = "the flight has ended; its record is being completed"
-            case _:  # a plugin hangs
-                raise KeyboardInterrupt
-        text = f"star: {signal.Signals(number).name}: {what}\n"
-        with suppress(OSError):  # the terminal may be gone
-            try:
-                sys.stderr.write(text)
-            except RuntimeError:  # the signal interrupts another write
-                os.write(sys.stderr.fileno(), text.encode())
-
-    caught = {signal.SIGINT, signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM)}
-    before = {number: signal.signal(number, handle) for number in caught}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from star_core import Fence, InputError, Mission, Operator, Registry, load
-from star_core.commands import add_set_option, guarded, new_folder
+from star_core.commands import add_set_option, guarded, land_on_signals, new_folder
 from star_core.toolkit import Progress, log
 
 ROOM: Final = 3.0  # m around the starts, and above them, in a world that no file describes
@@ -84,9 +84,16 @@ def run(options: Namespace, registry: Registry) -> int:
             plugin = f"{found.source.plugin}:{key.removeprefix('--')}"
             registry.add(observer, replace(found.source, plugin=plugin))
     operator = Operator()
-    summary, failed = run_script(
-        script, options.arguments, mission, registry, operator, folder=folder, button=options.button
-    )
+    with land_on_signals(operator):
+        summary, failed = run_script(
+            script,
+            options.arguments,
+            mission,
+            registry,
+            operator,
+            folder=folder,
+            button=options.button,
+        )
     if options.json:
         print(json.dumps(summary, indent=2))
     else:
@@ -106,7 +113,7 @@ def _mission(options: Namespace, registry: Registry, name: str) -> Mission:
     mission = load(path, registry, assignments)
     if _is_mission(path):
         return replace(mission, name=name)
-    if not _names(assignments, "transport", "localizer"):
+    if not (mission.scene.measures_positions or _names(assignments, "transport", "localizer")):
         located = ["transport.positioning={std: 0.005}", "localizer=mocap"]
         mission = load(path, registry, [*assignments, *located])
     return _widened(replace(mission, name=name), assignments)

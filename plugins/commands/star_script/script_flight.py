@@ -357,22 +357,19 @@ class ScriptFlight:
             return
         times = self.time + np.arange(0.0, min(max(horizon, 0.0), most) + SAMPLE, SAMPLE)
         path = np.array([[self._motions[row].at(t).position for t in times] for row in moving])  # type: ignore[union-attr]
-        size = np.array([limits.separation, limits.separation, limits.vertical_separation])
         for i, row in enumerate(moving):
             for j in range(i):
-                away = np.linalg.norm((path[i] - path[j]) / size, axis=1)
-                near = np.flatnonzero((away < 1.0) & (away < away[0] - RETREAT))
+                away = np.linalg.norm(path[i] - path[j], axis=1)
+                near = np.flatnonzero((away < limits.separation) & (away < away[0] - RETREAT))
                 if not len(near):
                     continue
                 k, other = int(near[0]), moving[j]
-                distance = float(np.linalg.norm(path[i, k] - path[j, k]))
                 first, second = self._motions[other], self._motions[row]
                 names = f"{self.scene.names[other]} and {self.scene.names[row]}"
                 where = " and ".join(dict.fromkeys((first.line, second.line)))  # type: ignore[union-attr]
                 raise ScriptError(
-                    f"{where}: {names} would be {distance:.2f} m apart at {times[k]:.1f} s; agents "
-                    f"keep {limits.separation:g} m, and {limits.vertical_separation:g} m above "
-                    "each other"
+                    f"{where}: {names} would be {away[k]:.2f} m apart at {times[k]:.1f} s, "
+                    f"expected limits.separation of {limits.separation:g} m at least"
                 )
 
 

@@ -182,6 +182,18 @@ def test_agents_that_exchange_positions_are_no_collision(fly: Fly) -> None:
     assert (status, summary["outcome"]) == (0, "completed"), summary["reason"]
 
 
+def test_agents_may_pass_above_each_other(fly: Fly) -> None:
+    body = """
+    cf2.goTo([0.0, 1.0, 1.4], 0, 2)
+    timeHelper.sleep(2.5)
+    cf1.goTo([0.0, 2.0, 0.8], 0, 5)
+    timeHelper.sleep(7)
+    assert abs(cf1.position[1] - 2.0) < 0.15, cf1.position
+    """
+    status, summary = fly(body)
+    assert (status, summary["outcome"]) == (0, "completed"), summary["reason"]
+
+
 def test_groups_heed_their_masks(fly: Fly) -> None:
     begin = BEGIN.partition("allcfs.takeoff")[0]
     body = """
