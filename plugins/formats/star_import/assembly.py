@@ -345,8 +345,7 @@ def _log_choices(
         log.assumed(
             str(sources.mission[0]), "every step has a timeout, the original's take-off only"
         )
-    if frame.reactions:
-        assert sources.environment is not None  # noqa: S101 -- targets are in it
+    if frame.reactions and sources.environment:
         log.assumed(
             str(sources.environment[0]),
             "the first agent that comes near a target that was found flies to it and lands",
@@ -367,7 +366,7 @@ def _planner(
         log.assumed("planner", "keeps no distance from obstacles, as executed")
         return f"{{use: visibility, clearance: 0{turn}}}"
     where = sources.environment[1].begins_at if sources.environment else "planner"
-    text = f"the planner keeps {CLEARANCE} m from obstacles that are not virtual, the original none"
+    text = f"the planner keeps {CLEARANCE} m from obstacles where it can, the original none"
     log.changed(where, text)
     return f"{{use: visibility{turn}}}" if turn else "visibility"
 

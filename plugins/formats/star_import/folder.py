@@ -192,7 +192,7 @@ def _imported(path: Path, sources: Sources, changes: _Changes, registry: Registr
     )
     files = assemble(sources, options, log, registry)
     main = sources.paths[0]
-    command = f"star import {' '.join(map(str, sources.paths))}"
+    command = f"star import {' '.join(map(str, with_surroundings(path)))}"
     count = f"{main}: warning: `{command}` lists what was assumed and ignored"
     return _Import(
         path=main,
