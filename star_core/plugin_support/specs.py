@@ -218,6 +218,8 @@ class TaskSpec(MissionSpec):
         before: Where its agents must be when it begins; None if that does not matter.
         after: Where they are when it has succeeded; None if that is unknown.
         exclusive: The resource that it holds, if any.
+        expects: ``expects(scene, rows, **options)`` yields what is to be expected of a step that
+            has no problem, such as its precision, in a few words for ``star check``.
     """
 
     make: Callable[..., Task]
@@ -225,6 +227,7 @@ class TaskSpec(MissionSpec):
     before: Literal["ground", "air"] | None = None
     after: Literal["ground", "air", "same"] | None = None
     exclusive: Exclusive | None = None
+    expects: Callable[..., Iterable[str]] | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from functools import partial
 from pathlib import Path
 
-from star_core import InputError, Problem, Registry
+from star_core import InputError, Mission, Problem, Registry
 from star_core.commands import guarded
 from star_core.formats import Document, FileKindSpec
+from star_core.toolkit import actions
 from star_yaml import schema
 from star_yaml.includes import check_alone
 from star_yaml.input_file import kind_of, lacking, override, read
@@ -69,8 +71,18 @@ def _mission(
         raise InputError(mission.file.located(errors))
     agents = len(mission.scene.agents)
     many = "agents" if agents > 1 else "agent"
-    text = f"{path}: {mission.name!r} can be flown, with {agents} {many}"
+    expected = "".join(f"; {text}" for text in dict.fromkeys(_expected(mission, registry)))
+    text = f"{path}: {mission.name!r} can be flown, with {agents} {many}{expected}"
     return text, (*mission.warnings, *mission.file.located(problems))
+
+
+def _expected(mission: Mission, registry: Registry) -> Iterator[str]:
+    """Yield what the plugins expect of the steps of a mission."""
+    for action in actions(mission.all_steps):
+        found = registry.find("task", action.verb)
+        if (expects := found.offer.expects) is not None:
+            call = partial(expects, **action.options)
+            yield from guarded("task", found, call, mission.scene, action.rows)
 
 
 def _steps(document: Document, registry: Registry) -> str:

@@ -12,6 +12,7 @@ import pytest
 from star_core import Registry, Tick, fly, hookimpl, load
 from star_verbs.follow.files import PIECE_COLUMNS, read_trajectory
 from star_verbs.follow.tracking_error import tracking_error
+from star_yaml.check_file import check_file
 
 WORLD = "star: 1\nname: room\nfence: {low: [-3, -3, 0], high: [3, 3, 3]}\n"
 MISSION = """\
@@ -101,6 +102,13 @@ def test_the_expected_error_is_that_of_the_simulator(folder: Path) -> None:
     expected = tracking_error(path, 1.0, 0.05, on_board=False)
     assert expected.rms == pytest.approx(track.rms, abs=0.015)
     assert expected.most == pytest.approx(max(track.error), abs=0.04)
+
+
+def test_the_check_reports_the_error_to_expect(folder: Path) -> None:
+    text, warnings = check_file(folder / "mission.yaml", Registry())
+    expected = "can be flown, with 1 agent; path.csv followed within 0.03 m RMS, besides drift"
+    assert text.endswith(expected)
+    assert not warnings
 
 
 def test_the_check_warns_of_imprecise_trajectories(folder: Path) -> None:

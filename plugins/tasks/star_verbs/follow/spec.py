@@ -20,7 +20,7 @@ from star_verbs.positions import (
 
 if TYPE_CHECKING:
     from star_core import Scene, Task
-    from star_verbs.follow.trajectory import PolynomialPath
+    from star_verbs.follow.tracking_error import TrackingError
 
 FOR_TRAJECTORIES: Final = ("timescale", "relative", "on_board")
 FOR_PATHS: Final = ("size", "width", "centre", "laps")
@@ -152,6 +152,24 @@ def goals(scene: Scene, rows: tuple[int, ...], **options: Any) -> Iterator[StepG
     yield from (StepGoal((key,), position, label) for label, position in labelled)
 
 
+def expects(scene: Scene, _rows: tuple[int, ...], **options: Any) -> Iterator[str]:
+    """Yield the error with which drones are expected to follow a trajectory."""
+    if options["format"] != "poly7":
+        return
+    error = _tracking_error(scene, options)
+    where = " on board" if options["on_board"] else ""
+    yield f"{options['file']}{where} followed within {error.rms:.2f} m RMS, besides drift"
+
+
+def _tracking_error(scene: Scene, options: dict[str, Any]) -> TrackingError:
+    from star_verbs.follow.files import read_trajectory
+    from star_verbs.follow.tracking_error import tracking_error
+
+    name, on_board = options["file"], options["on_board"]
+    path = read_trajectory(scene.file(name), name)
+    return tracking_error(path, options["timescale"], scene.period, on_board=on_board)
+
+
 SPEC: Final = TaskSpec(
     name="follow",
     before="air",
@@ -160,6 +178,7 @@ SPEC: Final = TaskSpec(
     make=make,
     check=check,
     goals=goals,
+    expects=expects,
     options=OPTIONS,
 )
 
@@ -210,11 +229,9 @@ def _route_problems(scene: Scene, agents: int, options: dict[str, Any]) -> Itera
         yield Problem((key,), fault, "unreachable-goal")
 
 
-def _imprecise(scene: Scene, path: PolynomialPath, options: dict[str, Any]) -> Iterator[Problem]:
+def _imprecise(scene: Scene, options: dict[str, Any]) -> Iterator[Problem]:
     """Warn of the error with which drones are expected to follow a trajectory, if it is large."""
-    from star_verbs.follow.tracking_error import tracking_error
-
-    error = tracking_error(path, options["timescale"], scene.period, on_board=options["on_board"])
+    error = _tracking_error(scene, options)
     if error.rms > MAX_ERROR:
         hint = "or on_board: false makes" if options["on_board"] else "makes"
         message = (
@@ -244,7 +261,7 @@ def _trajectory_problems(scene: Scene, agents: int, options: dict[str, Any]) -> 
     for fault in too_fast:
         yield Problem(("file",), fault, "out-of-range")
     if not too_fast:
-        yield from _imprecise(scene, path, options)
+        yield from _imprecise(scene, options)
     if options["relative"]:
         faults = trajectory.extent_faults(scene, samples, name)
     else:
