@@ -109,8 +109,7 @@ def assemble(
     fence = options.fence or around(points or [(0.0, 0.0)], WIDE if flown.agents else MARGIN)
     name = _named(options.name or sources.paths[0].stem)
     world = _named(sources.environment[0].stem if sources.environment else f"{name}-room")
-    crowded = sources.mission is not None and nearest_starts(swarm) < 2 * numbers.zone
-    exact = options.as_executed or crowded
+    exact = options.as_executed or _crowded(swarm, commands, numbers)
     output = OutputFiles(
         made_of=", ".join(path.name for path in sources.paths),
         mission=f"{name}.yaml" if swarm else None,
@@ -152,6 +151,17 @@ def assemble(
         steps += options.trajectories.steps(flown, sources, log)
     output = replace(output, steps=mission_lines(frame, swarm, steps, log))
     return replace(output, virtual=output.virtual | _too_near(output, options, registry, log))
+
+
+def _crowded(swarm: Sequence[Robot], commands: Sequence[Record], numbers: Config) -> bool:
+    """Return whether a mission leads agents nearer to each other than drift permits.
+
+    Several that are sent to one goal keep twice the protected zone.
+    """
+    together = any(
+        record.task.startswith("goto") and len(record.agents or swarm) > 1 for record in commands
+    )
+    return together or (bool(commands) and nearest_starts(swarm) < 2 * numbers.zone)
 
 
 def _virtual(
@@ -328,7 +338,7 @@ def _log_choices(
             f"speed {show(frame.speed)} m/s, heights {show(low)} to {show(high)} m: no config.yaml",
         )
     if frame.exact:
-        why = "agents start too near to each other for drifting positions"
+        why = "agents start, or hover at one goal, too near to each other for drifting positions"
         log.changed(
             "limits",
             f"{'as executed' if options.as_executed else why}: positions are treated as exact "

@@ -104,6 +104,18 @@ def test_errors_are_bounded_by_what_the_covariance_expects(run: Run) -> None:
     assert (error[np.isfinite(error)] < bound[np.isfinite(error)]).all()
 
 
+def test_virtual_obstacles_are_drawn_fainter(run: Run) -> None:
+    (pillar,) = run.world.obstacles
+    marked = replace(run, world=replace(run.world, virtual=(replace(pillar, name="marked"),)))
+    layout = top_view(marked)["layout"]
+    assert [shape.get("opacity") for shape in layout["shapes"]] == [None, 0.55, 0.15]
+    assert [name["text"] for name in layout["annotations"]] == ["pillar", "marked"]
+    meshes = [trace for trace in replay(marked)["data"] if trace["type"] == "mesh3d"]
+    assert [mesh["opacity"] for mesh in meshes[:2]] == [0.55, 0.15]
+    colours = re.findall(r"fill='(#\w+)'", getattr(marked, "_repr_html_")())  # noqa: B009 -- of IPython, which types do not know
+    assert colours == ["#e8e8e8", "#bbb"]
+
+
 def test_the_world_is_in_the_views(run: Run) -> None:
     figure = top_view(run)
     assert len(figure["layout"]["shapes"]) == 2  # fence and pillar

@@ -282,6 +282,16 @@ def test_crowded_starts_make_positions_exact_and_obstacles_virtual(
         assert (scene.limits.uncertainty_margin, len(scene.world.obstacles)) == (margin, count)
 
 
+def test_agents_at_one_goal_make_positions_exact(place: Put, take: Import) -> None:
+    up, goto = '"takeoff", "wait", "all", "", ""', '"goto", "wait", "{}", "", "0 0 1 0"'
+    for names, margin in (("all", 0), ("a b", 0), ("a", 2)):
+        place("m.yaml", f"command_sequence: [{up}, {goto.format(names)}]")
+        notes = take("m.yaml", "--agent", "a=0,1", "--agent", "b=2,1", "--force")
+        limits = load(Path("imported/m.yaml"), Registry()).scene.limits
+        assert limits.uncertainty_margin == margin
+        assert any("positions are treated as exact" in note for note in notes) == (margin == 0)
+
+
 def test_solid_obstacles_with_starts_in_them_are_refused(place: Put, take: Import) -> None:
     place("lab.yaml", OBSTACLE.format(offsets="false", points="[-1, 0, 1, 0]"))
     place("m.yaml", 'command_sequence: ["takeoff", "wait", "all", "", ""]')
