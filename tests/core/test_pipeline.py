@@ -20,6 +20,7 @@ from star_core import (
     Image,
     Order,
     PluginError,
+    PoseFixes,
     Registry,
     Setpoint,
     TaskOutput,
@@ -29,6 +30,7 @@ from star_core import (
     load,
 )
 from star_core.discovery import Source
+from star_core.messages.telemetry import UNLABELLED
 from star_core.pipeline import PluginPipeline
 from tests.core.conftest import Lab
 from tests.core.robots import Robots
@@ -177,6 +179,7 @@ def ordering(order: Any = Order.GOTO, duration: float = 1.0) -> TaskOutput:
         ("localizer", "locate", change(velocity=NAN), "Estimate.velocity of row 0 is [nan, nan, "),
         ("localizer", "locate", change(yaw=[0, np.inf]), "Estimate.yaw of row 1 is inf, expected"),
         ("localizer", "locate", change(valid=[True]), "Estimate.valid has 1 row, but position"),
+        ("localizer", "locate", change(messages=(7,)), "Estimate.messages is (7,), expected texts"),
         ("planner", "plan", lambda *_: FOR_FOUR, "returned Setpoint, expected Plan"),
         (
             "planner",
@@ -323,6 +326,21 @@ def test_avoiders_may_note_the_goals_of_each_tick(lab: Lab) -> None:
 def test_a_part_needs_no_close(lab: Lab) -> None:
     lab.spoil("avoider", "make", lambda *_: type("Bare", (), {"avoid": lambda _, __, w: w})())
     assert lab.fly()["outcome"] == "completed"
+
+
+def test_messages_of_a_localizer_are_events_once(lab: Lab) -> None:
+    lab.spoil("localizer", "locate", change(messages=("it sees nothing",)), ONCE)
+    events = lab.fly()["events"]
+    assert [each["text"] for each in events if each["kind"] == "estimate"] == ["it sees nothing"]
+
+
+@pytest.mark.parametrize(("row", "fails"), [(UNLABELLED, False), (1, False), (2, True), (-2, True)])
+def test_fixes_are_of_agents_or_of_none(lab: Lab, *, row: int, fails: bool) -> None:
+    one, nowhere = np.ones(1), np.zeros((1, 3))
+    fixes = PoseFixes(np.array([row]), one, one, nowhere, np.zeros((1, 4)), one, one, one)
+    lab.spoil("transport", "receive", change(fixes=fixes), FLYING)
+    reason = lab.fly()["reason"]
+    assert ("Telemetry.fixes.agent is" in reason) is fails
 
 
 def test_a_truth_for_another_swarm_names_the_transport(lab: Lab) -> None:
