@@ -63,7 +63,7 @@ class Bits:
             self.ticks.update(f"{value.dtype}{value.shape}".encode() + value.tobytes())
         elif dataclasses.is_dataclass(value):
             columns = {f.name: getattr(value, f.name) for f in dataclasses.fields(value)}
-            optional = TRAJECTORY if isinstance(value, Goals | Setpoint) else ()
+            optional = TRAJECTORY if isinstance(value, Goals | Setpoint) else {"heights"}
             self._add({k: v for k, v in columns.items() if v is not None or k not in optional})
         elif isinstance(value, Mapping):
             for key, entry in value.items():

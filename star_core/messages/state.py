@@ -69,6 +69,8 @@ class Estimate(Table):
         detections: All tags that the localizer detected in images since the last tick, also those
             that it did not use; for records and displays only. Results of an image may be late.
         messages: Lines for the record, such as what the localizer no longer receives; each once.
+        heights: z (m) and climb (m/s) in the odometry frame that each agent would report if what is
+            below it had not changed since its start; None if they are as reported.
     """
 
     time: float
@@ -83,6 +85,7 @@ class Estimate(Table):
     possible_travel: Array = column(3, default_factory=partial(_zeros, 0))
     detections: Detections = field(default_factory=Detections.none)
     messages: tuple[str, ...] = ()
+    heights: Array | None = column(2, default=None)
 
     def __post_init__(self) -> None:
         if not len(self.possible_travel):
@@ -232,6 +235,7 @@ def with_possible_positions(
         yaw=estimate.yaw[row],
         covariance=estimate.covariance[row],
         valid=estimate.valid[row] & ~added,
+        heights=None,
         map_from_odom=estimate.map_from_odom.of(row),
         possible_travel=np.zeros((n + k, 3)),
     ), Setpoint(

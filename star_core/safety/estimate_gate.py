@@ -76,9 +76,16 @@ class EstimateMonitor:
                 estimate = replace(estimate, map_from_odom=frames)
             self._frames = estimate.map_from_odom
         heard = telemetry.age <= MAX_REPORT_AGE
-        accepted, jumps = self._gate.check(
-            estimate, state.airborne, heard, telemetry.velocity, telemetry.position
-        )
+        velocity, position = telemetry.velocity, telemetry.position
+        if estimate.heights is not None:  # over another surface than at the start
+            position, velocity = (
+                np.column_stack([reported[:, :2], over_start])
+                for reported, over_start in zip(
+                    (position, velocity), estimate.heights.T, strict=True
+                )
+            )
+            position, velocity = frozen(position), frozen(velocity)
+        accepted, jumps = self._gate.check(estimate, state.airborne, heard, velocity, position)
         for jump in jumps:
             yield Report("estimate", self._of_jump(jump), self._names[jump.row])
         if accepted is not state.estimate:

@@ -93,6 +93,8 @@ from star_core.toolkit.progress import Progress as Progress
 from star_core.toolkit.progress import duration as duration
 from star_core.toolkit.progress import log as log
 from star_core.toolkit.progress import on_terminal as on_terminal
+from star_core.toolkit.surface_heights import SurfaceHeights as SurfaceHeights
+from star_core.toolkit.surface_heights import SurfaceReport as SurfaceReport
 from star_core.toolkit.tag_overlay import image_with_tags as image_with_tags
 from star_core.toolkit.timeouts import step_timeout as step_timeout
 from star_core.toolkit.timeouts import timeout as timeout

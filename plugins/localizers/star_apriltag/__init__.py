@@ -154,5 +154,6 @@ def star_localizers() -> Iterable[LocalizerSpec]:
         make=make,
         options=OPTIONS,
         check=check,
+        corrects_heights=True,
         drift=deferred("star_apriltag.expected_std:expected_std"),
     )

@@ -25,7 +25,7 @@ from star_core import (
     Telemetry,
     Transform,
 )
-from star_core.toolkit import quaternion_from_euler
+from star_core.toolkit import SurfaceHeights, SurfaceReport, quaternion_from_euler
 
 CLOCK_TOLERANCE: Final = 0.02  # s, by which an image may be newer than the newest report
 
@@ -57,6 +57,8 @@ class AprilTag:
             np.array([agent.yaw for agent in scene.agents]),
             np.array([agent.start for agent in scene.agents]),
         )
+        self._surfaces = SurfaceHeights(scene)
+        self._last = self._frames.translation, np.zeros((len(scene.agents), 3, 3))
         self._feedback = (
             None if feedback == "none" else Feedback(self._frames, turns=feedback == "extpose")
         )
@@ -69,7 +71,8 @@ class AprilTag:
         self._pool.close()
 
     def locate(self, telemetry: Telemetry) -> Estimate:
-        odometry = self._odometry.complete(telemetry)
+        below = self._surfaces.correct(telemetry, *self._last)
+        odometry = self._odometry.complete(below.telemetry)
         motors = telemetry.state & int(Supervisor.FLYING) != 0
         images = tuple(filter(self._is_new, camera_reports(telemetry, self._latency)))
         output = self._pool.update(TickInput(telemetry.time, odometry, images, motors))
@@ -79,7 +82,8 @@ class AprilTag:
             rows = np.flatnonzero(odometry.agent == row)
             reckoner.add_odometry(odometry, rows, motors=bool(motors[row]))
         states = [reckoner.at(telemetry.time) for reckoner in self._reckoners]
-        estimate = self._estimate(telemetry, states, output)
+        estimate = self._estimate(telemetry, states, output, below)
+        self._last = estimate.position, estimate.covariance
         if self._feedback is None or not output.fixed:
             return estimate
         fixed = output.fixed - self._odometry.silent  # velocities in reports contain corrections
@@ -96,11 +100,16 @@ class AprilTag:
         return image is None or before is None or not np.array_equal(image, before)
 
     def _estimate(
-        self, telemetry: Telemetry, states: list[AgentState], output: TickOutput
+        self,
+        telemetry: Telemetry,
+        states: list[AgentState],
+        output: TickOutput,
+        below: SurfaceReport,
     ) -> Estimate:
         position = np.array([state.position for state in states])
         yaw = np.array([math.remainder(state.yaw, math.tau) for state in states])
         covariance = np.array([state.covariance[:3, :3] for state in states])
+        covariance[:, 2, 2] += below.variance
         reported = np.isfinite(telemetry.position.sum(axis=1) + telemetry.attitude.sum(axis=1))
         frame_yaw = yaw - telemetry.heading
         turned = Transform(frame_yaw, np.zeros_like(position)).turn(telemetry.position)
@@ -120,6 +129,8 @@ class AprilTag:
             map_from_odom=self._frames,
             sightings=_table(Sightings, output.sightings),
             detections=_table(Detections, output.detections),
+            messages=below.messages,
+            heights=below.heights,
         )
 
 

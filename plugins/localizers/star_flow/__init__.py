@@ -38,5 +38,6 @@ def star_localizers() -> Iterable[LocalizerSpec]:
         summary="Trust the on-board estimate from where each agent started; it drifts.",
         make=deferred("star_flow.localizer:Flow"),
         options=OPTIONS,
+        corrects_heights=True,
         drift=deferred("star_flow.drift:expected_std"),
     )

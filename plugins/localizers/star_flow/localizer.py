@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from star_core import Array, Estimate, Scene, Telemetry, Transform
-from star_core.toolkit import frozen, wrap_angle
+from star_core.toolkit import SurfaceHeights, frozen, some, wrap_angle
 from star_flow.drift import ArtificialError, drift_of
 from star_flow.kernel import follow_moves, warm_up
 from star_flow.target_sightings import TargetSightings
@@ -43,11 +43,21 @@ class Flow:
         self._yaw = self._map_from_odom.yaw
         self._drift = drift_of(scene, self._reckoned, self._yaw, follow_moves)
         warm_up()
+        self._start = self._map_from_odom
+        self._surfaces = SurfaceHeights(scene)
+        self._offset = np.zeros(len(scene.agents))  # m, added to heights
+        self._covariance = np.zeros((len(scene.agents), 3, 3))
         self._targets = TargetSightings(scene, latency=latency)
 
     def locate(self, telemetry: Telemetry) -> Estimate:
+        below = self._surfaces.correct(telemetry, self._position, self._covariance)
+        if some(below.offset != self._offset):
+            self._offset = below.offset
+            translation = self._start.translation.copy()
+            translation[:, 2] += below.offset
+            self._map_from_odom = Transform(self._start.yaw, translation)
         reckoned = self._map_from_odom.apply(telemetry.position)
-        velocity = self._map_from_odom.turn(telemetry.velocity)
+        velocity = self._map_from_odom.turn(below.telemetry.velocity)
         yaw = wrap_angle(telemetry.heading + self._map_from_odom.yaw)
         error = self._error.at(telemetry.time)
         valid = telemetry.age <= self._max_report_age
@@ -61,6 +71,8 @@ class Flow:
             self._yaw, velocity = np.where(finite, yaw, self._yaw), np.where(column, velocity, 0.0)
         covariance = self._drift.covariance(telemetry.time, self._reckoned, self._yaw)
         covariance += self._variance
+        covariance[:, 2, 2] += below.variance
+        self._covariance = covariance
         return Estimate(
             time=telemetry.time,
             position=frozen(self._position),
@@ -72,6 +84,8 @@ class Flow:
             sightings=self._targets.locate(
                 telemetry, self._map_from_odom, self._position, covariance
             ),
+            messages=below.messages,
+            heights=below.heights,
         )
 
 

@@ -1,0 +1,90 @@
+"""Contacts and height errors of flights over a table, for several heights and clearances.
+
+``python benchmarks/heights.py`` flies one drone with a Flow deck over a table and back, once per
+seed, and prints for each height of the table and each clearance above it how many flights complete
+without a contact, the greatest height error and how far the drone sinks below its path at most.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from star_core import Registry, Tick, fly, hookimpl, load
+
+WORLD = """\
+star: 1
+name: table
+fence: {{low: [-3, -3, 0], high: [3, 3, 3]}}
+obstacles: {{table: {{box: {{centre: [0, 0], size: [{width}, 2]}}, height: [0, {top}]}}}}
+"""
+MISSION = """\
+star: 1
+name: over
+world: table.yaml
+limits: {{speed: 0.5, height: [0.2, 2.5], uncertainty_margin: 0}}
+swarm: {{cf1: {{start: [-1.2, 0, 0]}}}}
+transport: sim
+localizer: flow
+planner: straight
+avoider: none
+mission:
+  - takeoff: {{height: {height}}}
+  - goto: {{to: [1.2, 0, {height}]}}
+  - goto: {{to: [-1.2, 0, {height}]}}
+  - land: {{}}
+"""
+
+
+class Heights:
+    """Notes the true and the estimated height of the drone in every tick."""
+
+    def __init__(self) -> None:
+        self.rows: list[tuple[float, float, float]] = []
+
+    @hookimpl
+    def star_ticked(self, tick: Tick) -> None:
+        if tick.truth is not None:
+            x, _, z = tick.truth.position[0].tolist()
+            self.rows.append((x, z, float(tick.estimate.position[0, 2])))
+
+
+def main() -> None:
+    """Fly, and print a line for each height, width and clearance."""
+    options = argparse.ArgumentParser(description=__doc__)
+    options.add_argument("--seeds", type=int, default=10)
+    options.add_argument("--tops", type=float, nargs="+", default=[0.3, 0.6, 0.9])
+    options.add_argument("--clearances", type=float, nargs="+", default=[0.2, 0.3, 0.4, 0.5])
+    options.add_argument("--widths", type=float, nargs="+", default=[0.1, 1.0])
+    line = options.parse_args()
+    print("top  width  clearance  completed without a contact  height error  sinks by")
+    for top in line.tops:
+        for width in line.widths:
+            for clearance in line.clearances:
+                print(_case(top, width, clearance, line.seeds), flush=True)
+
+
+def _case(top: float, width: float, clearance: float, seeds: int) -> str:
+    height = top + clearance
+    good, error, sunk = 0, 0.0, 0.0
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        (folder / "table.yaml").write_text(WORLD.format(top=top, width=width))
+        (folder / "over.yaml").write_text(MISSION.format(height=height))
+        for seed in range(1000, 1000 + seeds):
+            notes = Heights()
+            registry = Registry(notes)
+            summary = fly(load(folder / "over.yaml", registry, [f"seed={seed}"]), registry)
+            good += summary["outcome"] == "completed"
+            x, z, estimated = np.array(notes.rows).T
+            over = np.abs(x) < width / 2 + 0.8  # where the crossings are
+            error = max(error, float(np.abs(estimated - z)[over].max(initial=0.0)))
+            sunk = max(sunk, float((height - z)[over].max(initial=0.0)))
+    return f"{top:.1f}  {width:.1f}  {clearance:.1f}  {good} of {seeds}  {error:.2f}  {sunk:.2f}"
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,234 @@
+"""Heights in the map from on-board heights that are measured over whatever is below."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+import shapely
+
+from star_core.messages.arrays import Array, Mask, Rows, frozen, some
+from star_core.messages.telemetry import Supervisor, Telemetry
+from star_core.toolkit.jit import compiled
+
+if TYPE_CHECKING:
+    from star_core.world.scene import Scene
+    from star_core.world.world import Obstacle
+
+# An on-board filter of heights (``kalman_core``, or `star_sim.estimator`) absorbs a step of what is
+# below as an error of its height and its climb: the height makes a jump that its climb does not
+# explain, and the climb a jump that no acceleration does.
+LEAST_JUMP: Final = 0.015  # m between two samples: an edge of 4 cm; noise makes 1 to 2 mm
+JUMP_PER_SQUARE_TIME: Final = 1.0  # m/s², in addition: acceleration between two samples
+CLIMB_PER_JUMP: Final = 11.6  # 1/s, by a Kalman filter with the firmware's noise
+SETTLED: Final = 0.25  # s after the last jump, from when the on-board height is right again
+LONGEST: Final = 2.0  # s, of one crossing: then it is over, however the height changes
+
+BEAM: Final = math.radians(13.5)  # half of the VL53L1X's field of view
+REACH: Final = 3.0  # standard deviations of the position, within which edges are below
+STEP_STD: Final = 0.03  # m, of a height that is reckoned over an edge, and
+STEP_STD_PER_TIME: Final = 0.10  # m/s
+GATE: Final = 3.0  # standard deviations from the next surface of the map, for another surface
+
+TIME, HEIGHT, CLIMB, Z, VZ, OFFSET, BEGAN, JUMPED, BIAS = range(9)
+"""Columns of an agent's state: time (s), height (m) and climb (m/s) of its last sample, the same
+corrected; what is added to its heights (m); begin and last jump of a crossing (s), or NaN; and the
+bias of its accelerometer that the ranger corrects (m/s²)."""
+STATES: Final = 9
+BIAS_RATE: Final = 0.5  # 1/s, at which it is estimated between crossings
+
+
+@compiled
+def follow(
+    state: Array, flying: Mask, agent: Rows, time: Array, height: Array, climb: Array
+) -> None:
+    """Correct samples of the on-board estimators, and carry each agent's state through them.
+
+    Between the begin and the end of a crossing the heights are reckoned by the acceleration, which
+    is what the climb changes by apart from the jumps.
+
+    Args:
+        state: (N, STATES) changed.
+        flying: (N,) agents in flight; heights of others do not jump.
+        agent: (K,) rows of the samples, each agent's in order of time.
+        time: (K,) s.
+        height: (K,) m in the odometry frame; changed.
+        climb: (K,) m/s; changed.
+    """
+    for k in range(len(agent)):
+        row = state[agent[k]]
+        now, z, vz = time[k], height[k], climb[k]
+        passed = now - row[TIME]
+        if not math.isfinite(z + vz) or passed <= 0.0:
+            continue
+        if not flying[agent[k]]:
+            row[BEGAN] = math.nan
+        elif math.isfinite(passed):
+            jump = z - row[HEIGHT] - 0.5 * passed * (vz + row[CLIMB])
+            if abs(jump) > LEAST_JUMP + JUMP_PER_SQUARE_TIME * passed * passed:
+                if math.isnan(row[BEGAN]):
+                    row[BEGAN], row[Z], row[VZ] = row[TIME], row[HEIGHT] + row[OFFSET], row[CLIMB]
+                row[JUMPED] = now
+            if not math.isnan(row[BEGAN]):
+                reckoned = row[VZ] + vz - row[CLIMB] - CLIMB_PER_JUMP * jump + passed * row[BIAS]
+                row[Z] += 0.5 * passed * (reckoned + row[VZ])
+                row[VZ] = reckoned
+            else:
+                row[BIAS] += BIAS_RATE * (CLIMB_PER_JUMP * jump - passed * row[BIAS])
+        row[TIME], row[HEIGHT], row[CLIMB] = now, z, vz
+        if math.isnan(row[BEGAN]):
+            row[Z], row[VZ] = z + row[OFFSET], vz
+        height[k], climb[k] = row[Z], row[VZ]
+
+
+class SurfaceHeights:
+    """Follows the surfaces below agents, by the map and by the jumps of their heights.
+
+    A jump begins a crossing, in which heights are reckoned without the ranger. After it, the agent
+    is over that surface of the map which explains its height best, among those that its beam may
+    meet: with the covariance of its position and the beam's width. If none does, it is over a
+    surface that is not in the map: its height stays as reckoned, with a greater covariance, which
+    widens the margins to others and to obstacles.
+
+    Without jumps all values stay as they are.
+
+    Args:
+        scene: Agents and world.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        n = len(scene.agents)
+        self._agents, self._obstacles = scene.agents, scene.world.obstacles
+        self._ground = np.array([agent.start[2] for agent in scene.agents])
+        self._exact = scene.exact_odometry
+        self._state = np.full((n, STATES), np.nan)
+        self._state[:, [OFFSET, BIAS]] = 0.0
+        self._doubt = np.zeros(n)  # m², variance by the surface
+        if not self._exact:
+            none = np.zeros(0)
+            follow(self._state, np.zeros(n, bool), np.zeros(0, np.int64), none, none, none)
+
+    def correct(self, telemetry: Telemetry, position: Array, covariance: Array) -> SurfaceReport:
+        """Return what the agents report, with heights over the surfaces from which they started.
+
+        Args:
+            telemetry: Reported.
+            position: (N, 3) last estimate in the map, m.
+            covariance: (N, 3, 3) of it, m².
+        """
+        state, odometry = self._state, telemetry.odometry
+        zeros = np.zeros(len(state))
+        if self._exact:
+            return SurfaceReport(telemetry, zeros, zeros)
+        flying = telemetry.state & int(Supervisor.FLYING) != 0
+        height, velocity = np.array(odometry.height), np.array(odometry.velocity)
+        climb = np.array(velocity[:, 2])
+        time = np.array(odometry.time)
+        follow(state, flying, np.array(odometry.agent, np.int64), time, height, climb)
+        crossing = ~np.isnan(state[:, BEGAN])
+        if not (some(crossing) or some(state[:, OFFSET] != 0.0)):
+            return SurfaceReport(telemetry, zeros, self._doubt)
+        velocity[:, 2] = climb
+        heard = np.isfinite(state[:, TIME])
+        offset = np.where(heard, state[:, Z] - state[:, HEIGHT], 0.0)
+        moved, moves = np.array(telemetry.position), np.array(telemetry.velocity)
+        moved[:, 2] += offset
+        moves[:, 2] = np.where(crossing, state[:, VZ], moves[:, 2])
+        messages = []
+        now = telemetry.time
+        doubt = self._doubt + np.where(crossing, _reckoned_variance(now - state[:, BEGAN]), 0.0)
+        for row in np.flatnonzero(crossing).tolist():
+            settled = state[row, TIME] - state[row, JUMPED] > SETTLED
+            if settled or state[row, TIME] - state[row, BEGAN] > LONGEST:
+                messages += self._land_on(row, position[row], covariance[row])
+        corrected = replace(
+            telemetry,
+            position=moved,
+            velocity=moves,
+            odometry=replace(odometry, height=height, velocity=velocity),
+        )
+        return SurfaceReport(corrected, offset, doubt, tuple(messages))
+
+    def _land_on(self, row: int, position: Array, covariance: Array) -> list[str]:
+        """End a crossing: set what is added to the heights, and their variance."""
+        state = self._state[row]
+        variance = _reckoned_variance(state[TIME] - state[BEGAN])
+        state[BEGAN] = np.nan
+        measured = self._ground[row] + state[Z] - state[HEIGHT]  # m, height of the surface
+        above = max(state[HEIGHT], 0.0)
+        spread = math.sqrt(float(np.linalg.eigvalsh(covariance[:2, :2])[-1]))
+        spread = math.hypot(spread, above * math.tan(BEAM))
+        tops = {0.0: 1.0}  # probability of each surface, by its height
+        for obstacle in self._obstacles:
+            top, distance = obstacle.height[1], _inside(obstacle, position)
+            if top <= self._ground[row] + state[Z] and distance > -REACH * spread:
+                tops[top] = max(tops.get(top, 0.0), _within(distance / spread))
+        surfaces = np.array(list(tops))
+        off = (surfaces - measured) ** 2 / variance
+        weight = np.array(list(tops.values())) * np.exp(-0.5 * (off - off.min()))
+        best = int(weight.argmax())
+        weight /= weight.sum()
+        if off[best] > GATE**2:
+            state[OFFSET] = measured - self._ground[row]
+            self._doubt[row] = variance
+            x, y = position[:2].tolist()
+            return [
+                f"{self._agents[row].name} flies over a surface {measured:.2f} m high at "
+                f"[{x:.2f}, {y:.2f}] that is not in the map"
+            ]
+        state[OFFSET] = surfaces[best] - self._ground[row]
+        self._doubt[row] = float(weight @ (surfaces - surfaces[best]) ** 2)
+        return []
+
+
+class SurfaceReport:
+    """What agents report, corrected.
+
+    Attributes:
+        telemetry: With heights over the surfaces from which the agents started; the same object if
+            nothing is corrected.
+        offset: (N,) added to the heights of the odometry frames, m.
+        variance: (N,) of the heights by the surfaces, m².
+        messages: Surfaces that are not in the map.
+        heights: For `Estimate.heights`; None if nothing is corrected.
+    """
+
+    def __init__(
+        self,
+        telemetry: Telemetry,
+        offset: Array,
+        variance: Array,
+        messages: tuple[str, ...] = (),
+    ) -> None:
+        self.telemetry, self.offset, self.variance = telemetry, offset, variance
+        self.messages = messages
+        self.heights: Array | None = None
+        if some(offset != 0.0):
+            self.heights = frozen(
+                np.column_stack([telemetry.position[:, 2], telemetry.velocity[:, 2]])
+            )
+
+
+def _reckoned_variance(duration: Array) -> Array:
+    """Return the variance of a height reckoned without a ranger for a `duration`, s: m²."""
+    variance: Array = (STEP_STD + STEP_STD_PER_TIME * duration) ** 2
+    return variance
+
+
+def _inside(obstacle: Obstacle, position: Array) -> float:
+    """Return how far within an obstacle's outline a position is, m; negative outside."""
+    x, y = position[:2].tolist()
+    beside = obstacle.gaps((x, y, obstacle.height[1]))[0]
+    if beside > 0.0:
+        return -beside
+    point = shapely.Point(x, y)
+    return max(
+        float(shapely.Polygon(piece).exterior.distance(point)) for piece in obstacle.polygons
+    )
+
+
+def _within(deviations: float) -> float:
+    """Return the probability that a normal deviate is less."""
+    return 0.5 * math.erfc(-deviations / math.sqrt(2.0))
