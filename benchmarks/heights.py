@@ -80,7 +80,7 @@ def _case(top: float, width: float, clearance: float, seeds: int) -> str:
             summary = fly(load(folder / "over.yaml", registry, [f"seed={seed}"]), registry)
             good += summary["outcome"] == "completed"
             x, z, estimated = np.array(notes.rows).T
-            over = np.abs(x) < width / 2 + 0.8  # where the crossings are
+            over = np.abs(x) < width / 2 + 0.4  # where the crossings are
             error = max(error, float(np.abs(estimated - z)[over].max(initial=0.0)))
             sunk = max(sunk, float((height - z)[over].max(initial=0.0)))
     return f"{top:.1f}  {width:.1f}  {clearance:.1f}  {good} of {seeds}  {error:.2f}  {sunk:.2f}"

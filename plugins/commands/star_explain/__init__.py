@@ -79,11 +79,10 @@ def exact_positions_only(mission: Mission, registry: Registry) -> Iterator[Probl
 
 
 def follows_surfaces(mission: Mission, registry: Registry) -> bool:
-    """Return whether drones climb over obstacles, since their heights are measured from there."""
+    """Return whether drones measure their heights from obstacles below them."""
     used = mission.plugins["transport"]
     offer = registry.find("transport", used.use).offer
-    localizer = registry.find("localizer", mission.plugins["localizer"].use).offer
-    if localizer.corrects_heights or not mission.scene.world.obstacles:
+    if not mission.scene.world.obstacles:
         return False
     return offer.heights_above_surface is None or offer.heights_above_surface(**used.options)
 

@@ -28,6 +28,8 @@ class Surroundings:
         planner = registry.find("planner", mission.plugins["planner"].use).offer
         self._ignores_obstacles = not planner.avoids_obstacles
         self._surfaces_matter = follows_surfaces(mission, registry)
+        localizer = registry.find("localizer", mission.plugins["localizer"].use).offer
+        self._corrected, self._least = localizer.corrects_heights, localizer.edge_clearance
 
     def blocked(self, rounds: Iterable[RehearsedStep]) -> tuple[str, ...]:
         """Return which obstacles agents touch, each where it is touched first.
@@ -50,7 +52,8 @@ class Surroundings:
     def surfaces(self, rounds: Iterable[RehearsedStep]) -> tuple[str, ...]:
         """Return over which surfaces agents fly that are not as high as those of their starts.
 
-        None if heights are not measured from there.
+        None if heights are not measured from there; with a localizer that corrects heights, those
+        that are too near below.
         """
         if not self._surfaces_matter:
             return ()
@@ -72,7 +75,14 @@ class Surroundings:
             ]
             for height, what, flies, noted in notes:
                 climbs = height - start
-                if climbs != 0.0:
+                if self._corrected and z - max(height, start) < self._least and climbs != 0.0:
+                    text = (
+                        f"{agent.name} {flies} over {what} at [{x:.2f}, {y:.2f}, {z:.2f}], from "
+                        f"where a ranger measures its height: at the edge it sinks for a moment; "
+                        f"fly {self._least:g} m above it or more"
+                    )
+                    noted.setdefault((row, what), text)
+                elif climbs != 0.0 and not self._corrected:
                     text = (
                         f"{agent.name} {flies} over {what} at [{x:.2f}, {y:.2f}, {z:.2f}], from "
                         f"where a ranger measures its height: it "

@@ -72,7 +72,9 @@ def flown(scene: Scene, surface: dict[float, float], *, ticks: int = 130) -> Flo
     return Flown(*np.array(rows).T, messages)
 
 
-def telemetry(time: float, height: float, climb: float, state: int = Supervisor.FLYING) -> Telemetry:
+def telemetry(
+    time: float, height: float, climb: float, state: int = Supervisor.FLYING
+) -> Telemetry:
     return Telemetry(
         time=time,
         position=np.array([[0.0, 0.0, height]]),

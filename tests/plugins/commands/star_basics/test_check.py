@@ -98,7 +98,8 @@ LOW_WALL = WALL.replace("[0, 2]", "[0, 0.5]")
 def test_ranger_flights_over_an_obstacle_are_warnings() -> None:
     assert warnings(world=LOW_WALL, changes=RANGER) == [
         "hop.yaml:14:11: warning: cf1 flies over obstacle 'wall' at [-1.00, 0.46, 0.80], from "
-        "where a ranger measures its height: it climbs by 0.50 m [over-obstacle]"
+        "where a ranger measures its height: at the edge it sinks for a moment; fly 0.4 m above "
+        "it or more [over-obstacle]"
     ]
 
 
@@ -109,10 +110,26 @@ def test_a_flight_close_beside_a_low_obstacle_may_lead_over_it() -> None:
     assert warnings(world=LOW_WALL.replace("[-1, 0.5]", "[-0.25, 0.5]"), changes=RANGER) == []
 
 
-def test_a_flight_off_the_table_it_started_on_is_one_too() -> None:
-    (found,) = warnings("[-1, 0, 0]", "[-1, 0, 0.5]", TABLE, changes=RANGER)
-    assert "cf1 flies over the floor" in found
-    assert found.endswith("it sinks by 0.40 m [over-obstacle]")
+def test_flights_high_enough_above_an_obstacle_are_none() -> None:
+    low = WALL.replace("[0, 2]", "[0, 0.35]")
+    assert warnings(world=low, changes=RANGER) == []
+
+
+class TrustedHeights:
+    """Offers a localizer that takes what is below for the floor."""
+
+    @hookimpl
+    def star_localizers(self) -> Iterable[LocalizerSpec]:
+        yield LocalizerSpec(name="odometer", summary="Trusts.", make=_no_localizer)
+
+
+def test_without_corrected_heights_every_edge_is_one() -> None:
+    changes = (*RANGER, "localizer=odometer")
+    (over,) = warnings("", "", LOW_WALL, TrustedHeights(), changes=changes)
+    assert over.endswith("it climbs by 0.50 m [over-obstacle]")
+    found = warnings("[-1, 0, 0]", "[-1, 0, 0.5]", TABLE, TrustedHeights(), changes=changes)
+    assert "cf1 flies over the floor" in found[-1]
+    assert found[-1].endswith("it sinks by 0.40 m [over-obstacle]")
 
 
 def test_a_planner_leads_over_an_obstacle_or_around_it() -> None:
