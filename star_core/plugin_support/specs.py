@@ -140,8 +140,8 @@ class LocalizerSpec(MissionSpec):
     Attributes:
         corrects_heights: Whether its heights are right over obstacles too if those of the on-board
             estimators are not; if not, ``star check`` warns of agents that fly over obstacles.
-        edge_clearance: Height over an obstacle, m, below which ``star check`` warns of agents that
-            cross its edge all the same: there drones sink for a moment.
+        edge_clearance: Height over an obstacle, as a ratio of the step at its edge, below which
+            ``star check`` warns of agents that cross the edge all the same: there drones sink.
         drift: ``drift(scene, time, position, yaw, **options)`` returns the expected standard
             deviation, (T, N) m, of the horizontal error of agents that fly along paths: at times
             (T,), s, with positions (T, N, 3), m, and headings (T, N), rad. It is for localizers

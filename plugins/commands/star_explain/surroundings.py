@@ -75,11 +75,12 @@ class Surroundings:
             ]
             for height, what, flies, noted in notes:
                 climbs = height - start
-                if self._corrected and z - max(height, start) < self._least and climbs != 0.0:
+                least = self._least * abs(climbs)
+                if self._corrected and z - max(height, start) < least:
                     text = (
                         f"{agent.name} {flies} over {what} at [{x:.2f}, {y:.2f}, {z:.2f}], from "
                         f"where a ranger measures its height: at the edge it sinks for a moment; "
-                        f"fly {self._least:g} m above it or more"
+                        f"fly {least:.2f} m above it or more"
                     )
                     noted.setdefault((row, what), text)
                 elif climbs != 0.0 and not self._corrected:

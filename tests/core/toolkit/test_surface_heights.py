@@ -40,12 +40,13 @@ def flown(scene: Scene, surface: dict[float, float], *, ticks: int = 130) -> Flo
     """Fly level along x over surfaces, by where each begins, with the firmware's filter gains."""
     follower = SurfaceHeights(scene)
     z, vz, position = HEIGHT, 0.0, np.array([[0.0, 0.0, HEIGHT]])
-    rows, messages = [], []
+    rows: list[tuple[float, ...]] = []
+    messages: list[str] = []
     for tick in range(ticks):
         heights, climbs, times = [], [], []
         for cycle in range(5 * tick, 5 * tick + 5):
-            x = SPEED * cycle * CYCLE
-            below = next((top for begin, top in reversed(surface.items()) if x >= begin), 0.0)
+            along = SPEED * cycle * CYCLE
+            below = next((top for begin, top in reversed(surface.items()) if along >= begin), 0.0)
             z += CYCLE * vz
             if 2 * cycle % 5 < 2:
                 surprise = HEIGHT - below - z
@@ -54,7 +55,7 @@ def flown(scene: Scene, surface: dict[float, float], *, ticks: int = 130) -> Flo
             climbs.append(vz)
             times.append(cycle * CYCLE)
         n = len(times)
-        position[0, 0] = x
+        position[0, 0] = along
         report = telemetry(times[-1], z, vz)
         samples = Odometry(
             agent=np.zeros(n, np.int64),
@@ -67,9 +68,10 @@ def flown(scene: Scene, surface: dict[float, float], *, ticks: int = 130) -> Flo
         )
         found = follower.correct(replace(report, odometry=samples), position, COVARIANCE)
         corrected = float(found.telemetry.position[0, 2])
-        rows.append((x, corrected, float(found.offset[0]), float(found.variance[0])))
+        rows.append((along, corrected, float(found.offset[0]), float(found.variance[0])))
         messages += found.messages
-    return Flown(*np.array(rows).T, messages)
+    x, height, offset, variance = np.array(rows).T
+    return Flown(x, height, offset, variance, messages)
 
 
 def telemetry(

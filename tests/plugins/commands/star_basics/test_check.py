@@ -92,13 +92,13 @@ def test_a_planner_that_avoids_obstacles_is_not_blocked() -> None:
 
 
 RANGER = ("transport.profile=realistic",)
-LOW_WALL = WALL.replace("[0, 2]", "[0, 0.5]")
+LOW_WALL = WALL.replace("[0, 2]", "[0, 0.6]")
 
 
 def test_ranger_flights_over_an_obstacle_are_warnings() -> None:
     assert warnings(world=LOW_WALL, changes=RANGER) == [
         "hop.yaml:14:11: warning: cf1 flies over obstacle 'wall' at [-1.00, 0.46, 0.80], from "
-        "where a ranger measures its height: at the edge it sinks for a moment; fly 0.4 m above "
+        "where a ranger measures its height: at the edge it sinks for a moment; fly 0.30 m above "
         "it or more [over-obstacle]"
     ]
 
@@ -111,7 +111,7 @@ def test_a_flight_close_beside_a_low_obstacle_may_lead_over_it() -> None:
 
 
 def test_flights_high_enough_above_an_obstacle_are_none() -> None:
-    low = WALL.replace("[0, 2]", "[0, 0.35]")
+    low = WALL.replace("[0, 2]", "[0, 0.5]")
     assert warnings(world=low, changes=RANGER) == []
 
 
@@ -126,7 +126,7 @@ class TrustedHeights:
 def test_without_corrected_heights_every_edge_is_one() -> None:
     changes = (*RANGER, "localizer=odometer")
     (over,) = warnings("", "", LOW_WALL, TrustedHeights(), changes=changes)
-    assert over.endswith("it climbs by 0.50 m [over-obstacle]")
+    assert over.endswith("it climbs by 0.60 m [over-obstacle]")
     found = warnings("[-1, 0, 0]", "[-1, 0, 0.5]", TABLE, TrustedHeights(), changes=changes)
     assert "cf1 flies over the floor" in found[-1]
     assert found[-1].endswith("it sinks by 0.40 m [over-obstacle]")
