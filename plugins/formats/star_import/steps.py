@@ -127,8 +127,13 @@ class Steps:
         if self._executed:
             yield from self._grid(record, f"{end}, {within}")
         else:
-            many = len(record.agents or self._names) > 1
-            spacing = f"spacing: {show(2 * self._config.zone)}" if many else ""
+            spacing = ""
+            if len(record.agents or self._names) > 1:
+                spacing = f"spacing: {show(2 * self._config.zone)}"
+                if (near := self._config.zone / 2) < self._config.reached:
+                    within = f"within: {show(near)}"
+                    text = f"agents at one goal come within {show(near)} m, so that they land apart"
+                    self._changed(record, text)
             yield f"goto: {{{_joined(agents, f'to: {show([x, y, z])}, {end}', spacing, within)}}}"
         if record.lands:
             self._up -= set(record.agents or self._names)

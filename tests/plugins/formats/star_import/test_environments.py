@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from star_core import InputError, Registry, World, load
+from star_core.toolkit import actions
 from tests.plugins.formats.star_import.conftest import ROBOTS, Import
 
 Put = Callable[[str, str], str]
@@ -287,8 +288,10 @@ def test_agents_at_one_goal_make_positions_exact(place: Put, take: Import) -> No
     for names, margin in (("all", 0), ("a b", 0), ("a", 2)):
         place("m.yaml", f"command_sequence: [{up}, {goto.format(names)}]")
         notes = take("m.yaml", "--agent", "a=0,1", "--agent", "b=2,1", "--force")
-        limits = load(Path("imported/m.yaml"), Registry()).scene.limits
-        assert limits.uncertainty_margin == margin
+        mission = load(Path("imported/m.yaml"), Registry())
+        (goto_step,) = [step for step in actions(mission.steps) if step.verb == "goto"]
+        assert goto_step.written["within"] == (0.2 if names == "a" else 0.1)
+        assert mission.scene.limits.uncertainty_margin == margin
         assert any("positions are treated as exact" in note for note in notes) == (margin == 0)
 
 
