@@ -89,6 +89,16 @@ from star_core.toolkit.options import number as number
 from star_core.toolkit.options import positive as positive
 from star_core.toolkit.position_control import PositionController as PositionController
 from star_core.toolkit.printable_output import unescaped as unescaped
+from star_core.toolkit.printed_page import PAPERS as PAPERS
+from star_core.toolkit.printed_page import Fill as Fill
+from star_core.toolkit.printed_page import Outline as Outline
+from star_core.toolkit.printed_page import Page as Page
+from star_core.toolkit.printed_page import Point as Point
+from star_core.toolkit.printed_page import Text as Text
+from star_core.toolkit.printed_page import pdf as pdf
+from star_core.toolkit.printed_page import rectangle as rectangle
+from star_core.toolkit.printed_page import ruler as ruler
+from star_core.toolkit.printed_page import svg as svg
 from star_core.toolkit.progress import Progress as Progress
 from star_core.toolkit.progress import duration as duration
 from star_core.toolkit.progress import log as log

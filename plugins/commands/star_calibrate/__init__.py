@@ -1,4 +1,4 @@
-"""Command ``star calibrate``: calibrates a camera by images of a chessboard."""
+"""Command ``star calibrate``: prints a chessboard, and calibrates a camera by images of it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from star_core.commands import CommandSpec
 def star_commands() -> Iterator[CommandSpec]:
     yield CommandSpec(
         name="calibrate",
-        summary="Calibrate a camera by images of a printed chessboard.",
+        summary="Calibrate a camera by images of a chessboard, or print the board.",
         configure=deferred("star_calibrate.command:configure"),
         run=deferred("star_calibrate.command:run"),
         group="Hardware",

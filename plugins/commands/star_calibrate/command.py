@@ -10,10 +10,11 @@ from typing import Final
 
 from star_calibrate.board import Board, Views, find_views
 from star_calibrate.lens import Lens, solve
+from star_calibrate.printed_board import board_page
 from star_core import InputError, Registry
 from star_core.commands import writing
 from star_core.formats import read_as
-from star_core.toolkit import Progress
+from star_core.toolkit import PAPERS, Progress, pdf, svg
 
 NAME: Final = re.compile(r"(?!all$)[A-Za-z][A-Za-z0-9_-]*")  # as in missions
 DEFAULT_NAME: Final = "calibrated"
@@ -24,12 +25,14 @@ MIN_COVERAGE: Final = 0.75  # of the image's cells: with less its edges are unce
 
 
 def run(options: argparse.Namespace, registry: Registry) -> int:
-    """Calibrate a camera and return the exit status, 0.
+    """Calibrate a camera, or write a board, and return the exit status, 0.
 
     Raises:
         InputError: The images or the arguments cannot be used, or the file cannot be written.
     """
     board = _board(options.board, options.square)
+    if options.what == "board":
+        return _print(board, options.paper, Path(options.out))
     name = _name(options.name, options.out)
     if options.out is not None:
         _check_replaceable(Path(options.out), registry)
@@ -49,6 +52,18 @@ def run(options: argparse.Namespace, registry: Registry) -> int:
     return 0
 
 
+def _print(board: Board, paper: str, out: Path) -> int:
+    """Write a board to print, and return the exit status, 0."""
+    if out.suffix not in {".pdf", ".svg"}:
+        expected = "expected a name that ends in .pdf or .svg"
+        raise InputError(f"--out {out}: {expected}", "invalid-argument")
+    page = board_page(board, paper)
+    with writing(f"--out {out}"):
+        out.write_bytes(pdf([page]) if out.suffix == ".pdf" else svg(page).encode())
+    sys.stdout.write(f"a board of {board.columns}x{board.rows} inner corners on {paper}: {out}\n")
+    return 0
+
+
 def configure(line: argparse.ArgumentParser) -> None:
     """Add the options of the command."""
     commands = line.add_subparsers(dest="what", required=True, metavar="WHAT")
@@ -62,15 +77,7 @@ def configure(line: argparse.ArgumentParser) -> None:
         allow_abbrev=False,
     )
     camera.add_argument("images", nargs="+", metavar="IMAGE", help="image (PNG, JPEG, PGM, ...)")
-    camera.add_argument(
-        "--board",
-        default="9x6",
-        metavar="CxR",
-        help="inner corners along its rows and columns, one less than squares (%(default)s)",
-    )
-    camera.add_argument(
-        "--square", type=float, default=0.025, metavar="M", help="edge of a square, m (%(default)s)"
-    )
+    _add_board(camera)
     camera.add_argument(
         "--pixels",
         choices=PIXELS,
@@ -87,6 +94,34 @@ def configure(line: argparse.ArgumentParser) -> None:
         "--out",
         metavar="FILE",
         help="write the camera to FILE, such as cameras/mine.yaml, instead of printing it",
+    )
+    printed = commands.add_parser(
+        "board",
+        help="a chessboard to print in true size",
+        description="Write a chessboard to print, for the calibration of a camera.",
+        allow_abbrev=False,
+    )
+    _add_board(printed)
+    printed.add_argument("--paper", choices=list(PAPERS), default="a4", help="%(default)s")
+    printed.add_argument(
+        "-o",
+        "--out",
+        metavar="FILE",
+        default="board.pdf",
+        help="FILE.pdf or FILE.svg (%(default)s)",
+    )
+
+
+def _add_board(line: argparse.ArgumentParser) -> None:
+    """Add the options that describe a board."""
+    line.add_argument(
+        "--board",
+        default="9x6",
+        metavar="CxR",
+        help="inner corners along its rows and columns, one less than squares (%(default)s)",
+    )
+    line.add_argument(
+        "--square", type=float, default=0.025, metavar="M", help="edge of a square, m (%(default)s)"
     )
 
 

@@ -9,9 +9,8 @@ from pathlib import Path
 
 from star_core import InputError, Registry
 from star_core.commands import writing
-from star_core.toolkit import Progress
-from star_tags.page import Page, pdf, svg
-from star_tags.sheet import PAPERS
+from star_core.toolkit import PAPERS, Page, Progress, pdf, svg
+from star_tags.plan import plan_pages
 from star_tags.world import pages
 
 
@@ -22,29 +21,41 @@ def run(options: argparse.Namespace, registry: Registry) -> int:
         InputError: They cannot be printed, or the file cannot be written.
     """
     world = Path(options.world)
-    out = Path(options.out or f"{world.stem}-tags.pdf")
+    out = Path(options.out or f"{world.stem}-{'plan' if options.plan else 'tags'}.pdf")
     if out.suffix not in {".pdf", ".svg"}:
         raise InputError(
             f"--out {out}: expected a name that ends in .pdf or .svg", "invalid-argument"
         )
     with writing(f"--out {out}"), Progress("drawing the tags"):
-        numbered_pages = pages(world, options.paper, registry)
+        if options.plan:
+            numbered_pages = list(enumerate(plan_pages(world, options.paper, registry), start=1))
+        else:
+            numbered_pages = pages(world, options.paper, registry)
         files = _write(numbered_pages, out)
+    what = "pages" if options.plan else "tags"
     sys.stdout.write(
-        f"{len(numbered_pages)} tags on {options.paper}: {', '.join(map(str, files))}\n"
+        f"{len(numbered_pages)} {what} on {options.paper}: {', '.join(map(str, files))}\n"
     )
     return 0
 
 
 def configure(line: argparse.ArgumentParser) -> None:
     """Add the options of the command."""
-    line.description = "Write the tags of a world as sheets to print in true size, one per page."
+    line.description = (
+        "Write the tags of a world as sheets to print in true size, one per page; or a plan."
+    )
     line.add_argument("world", help="world file (YAML)")
     line.add_argument(
         "-o",
         "--out",
         metavar="FILE",
-        help="FILE.pdf, or FILE.svg for one file per tag: FILE-NUMBER.svg (WORLD-tags.pdf)",
+        help="FILE.pdf, or FILE.svg for one file per tag or page: FILE-NUMBER.svg (WORLD-tags.pdf)",
+    )
+    line.add_argument(
+        "--plan",
+        action="store_true",
+        help="write a plan of the floor with the tags, and a table of distances to lay them out"
+        " (WORLD-plan.pdf)",
     )
     line.add_argument("--paper", choices=list(PAPERS), default="a4", help="%(default)s")
 

@@ -6,11 +6,7 @@ from itertools import pairwise
 from typing import Final, NamedTuple
 
 from star_core import InputError
-from star_core.toolkit import TAG_RIM
-from star_tags.page import Fill, Outline, Page, Point, Text, rectangle
-
-PAPERS: Final = {"a4": (210.0, 297.0), "letter": (215.9, 279.4), "a3": (297.0, 420.0)}
-"""Width and height, mm, in ascending order of width."""
+from star_core.toolkit import PAPERS, TAG_RIM, Fill, Outline, Page, Point, Text, rectangle
 
 MODULES: Final = 8  # per row of a tag of family 36h11: six for its number, two for its border
 STRIP: Final = 44.0  # mm at the bottom of the page for the text, the bar and the arrow

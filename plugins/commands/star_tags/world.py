@@ -8,8 +8,7 @@ from typing import Any, Final
 
 from star_core import InputError, Registry
 from star_core.formats import read_as
-from star_core.toolkit import TAG_RIM, TAG_SIZE
-from star_tags.page import Page
+from star_core.toolkit import TAG_RIM, TAG_SIZE, Page
 from star_tags.sheet import Sheet, lay_out
 
 KINDS: Final = {"landmarks": "landmark", "targets": "target"}

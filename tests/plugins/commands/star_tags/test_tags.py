@@ -13,9 +13,10 @@ import pytest
 import star_tags
 from star_core import InputError, Registry
 from star_core.commands import run_command
-from star_core.toolkit import TAG_RIM, TAG_SIZE
-from star_tags.page import Fill, Text, number, rectangle
-from star_tags.sheet import BAR, PAPERS, STRIP, Sheet, lay_out
+from star_core.toolkit import PAPERS, TAG_RIM, TAG_SIZE, Fill, Text, rectangle
+from star_core.toolkit.printed_page import coordinate
+from star_tags.plan import plan_pages
+from star_tags.sheet import BAR, STRIP, Sheet, lay_out
 from star_tags.world import pages
 from star_yaml import schema as schemas
 from tests.commands import command
@@ -269,7 +270,7 @@ def test_a_rectangle_goes_round_anticlockwise() -> None:
 
 @pytest.mark.parametrize(("value", "text"), [(1e-9, "0"), (-1e-9, "0"), (10.0, "10"), (0.1, "0.1")])
 def test_a_number_is_written_without_exponent_or_idle_noughts(value: float, text: str) -> None:
-    assert number(value) == text
+    assert coordinate(value) == text
 
 
 @pytest.mark.parametrize("flag", ["-o", "--out"])
@@ -279,3 +280,44 @@ def test_where_sheets_go_has_two_names(
     out = tmp_path / "sheets.pdf"
     assert main([str(world(TAGS)), flag, str(out)]) == 0
     assert out.exists()
+
+
+# The plan
+
+
+def test_the_plan_shows_each_tag_to_scale(world: Callable[[str], Path]) -> None:
+    plan, table = plan_pages(world(TAGS), "a4", Registry())
+    assert (plan.width, plan.height) == PAPERS["a4"]
+    texts = [mark for mark in plan.marks if isinstance(mark, Text)]
+    assert any("1:25" in text.content for text in texts)
+    corner, wall, target = (
+        next(text.at for text in texts if text.content.startswith(start))
+        for start in ("0, 1 (", "17 (", "586 (")
+    )
+    assert wall[1] - target[1] == pytest.approx(3000 / 25)  # mm, 3 m along y
+    assert corner[1] - target[1] == pytest.approx(2400 / 25)
+    cells = [mark.content for mark in table.marks if isinstance(mark, Text)]
+    assert {"4.808", "3.453"} <= set(cells)  # from A and B to the corner, m
+
+
+def test_a_long_table_continues_on_further_pages(world: Callable[[str], Path]) -> None:
+    lines = [f"  t{i}: {{tags: [{i}], at: [{i % 10 / 5 - 1}, {i // 10 / 5 - 1}, 0], size: 0.05}}"
+             for i in range(60)]  # fmt: skip
+    pages_ = plan_pages(world("landmarks:\n" + "\n".join(lines) + "\n"), "a4", Registry())
+    assert len(pages_) == 3
+    for page in pages_[1:]:
+        tops = [mark.at[1] for mark in page.marks if isinstance(mark, Text)]
+        assert min(tops) > 10
+
+
+def test_a_plan_that_is_too_large_is_an_error(world: Callable[[str], Path]) -> None:
+    path = world(TAGS)
+    path.write_text(path.read_text(encoding="utf-8").replace("[2, 2, 2]", "[900, 2, 2]"))
+    with pytest.raises(InputError, match="too large for a plan"):
+        plan_pages(path, "a4", Registry())
+
+
+def test_the_command_writes_a_plan(world: Callable[[str], Path], tmp_path: Path) -> None:
+    out = tmp_path / "plan.pdf"
+    assert main([str(world(TAGS)), "--plan", "--out", str(out)]) == 0
+    assert out.read_bytes().count(b"/Type /Page ") == 2

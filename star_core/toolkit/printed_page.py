@@ -38,6 +38,12 @@ class Page(NamedTuple):
     marks: tuple[Fill | Text, ...]
 
 
+PAPERS: Final = {"a4": (210.0, 297.0), "letter": (215.9, 279.4), "a3": (297.0, 420.0)}
+"""Width and height, mm, in ascending order of width."""
+
+RULER: Final = 100.0  # mm
+
+
 def rectangle(low: Point, width: float, height: float) -> Outline:
     """Return a rectangle by its lower left corner.
 
@@ -48,10 +54,22 @@ def rectangle(low: Point, width: float, height: float) -> Outline:
     return ((x, y), (x + width, y), (x + width, y + height), (x, y + height))
 
 
-def number(value: float) -> str:
+def ruler(low: Point) -> tuple[Outline, ...]:
+    """Return a ruler with a tick each 10 mm, its outer edges `RULER` apart."""
+    (x, y), thin = low, 0.5
+    ticks = (rectangle((x + 10 * i - 0.25, y + 1), 0.5, 2.5) for i in range(1, 10))
+    return (
+        rectangle((x, y), thin, 4),
+        rectangle((x + thin, y + 1.75), RULER - 2 * thin, thin),
+        rectangle((x + RULER - thin, y), thin, 4),
+        *ticks,
+    )
+
+
+def coordinate(value: float) -> str:
     """Return a coordinate to a tenth of a micrometer, as both formats write it.
 
-    >>> number(21.0), number(0.25), number(-0.00001)
+    >>> coordinate(21.0), coordinate(0.25), coordinate(-0.00001)
     ('21', '0.25', '0')
     """
     text = f"{value:.4f}".rstrip("0").rstrip(".")
@@ -60,7 +78,7 @@ def number(value: float) -> str:
 
 def svg(page: Page) -> str:
     """Return a page as an SVG file; its units are millimeters, with y down."""
-    width, height = number(page.width), number(page.height)
+    width, height = coordinate(page.width), coordinate(page.height)
     return "\n".join(
         [
             f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}mm" height="{height}mm"'
@@ -78,7 +96,7 @@ def svg(page: Page) -> str:
 
 def _svg_fill(mark: Fill, height: float) -> str:
     outlines = (
-        "M" + " L".join(f"{number(x)} {number(height - y)}" for x, y in outline) + " Z"
+        "M" + " L".join(f"{coordinate(x)} {coordinate(height - y)}" for x, y in outline) + " Z"
         for outline in mark.outlines
     )
     return f'<path fill="rgb({",".join([f"{mark.gray:.0%}"] * 3)})" d="{" ".join(outlines)}"/>'
@@ -87,7 +105,8 @@ def _svg_fill(mark: Fill, height: float) -> str:
 def _svg_text(mark: Text, height: float) -> str:
     x, y = mark.at
     return (
-        f'<text x="{number(x)}" y="{number(height - y)}" font-size="{number(mark.size)}"'
+        f'<text x="{coordinate(x)}" y="{coordinate(height - y)}"'
+        f' font-size="{coordinate(mark.size)}"'
         f' font-family="Helvetica, Arial, sans-serif">{escape(mark.content)}</text>'
     )
 
@@ -108,7 +127,7 @@ def pdf(pages: Sequence[Page]) -> bytes:
     kids = " ".join(f"{n} 0 R" for n in numbers)
     objects = [CATALOG, f"<< /Type /Pages /Count {len(pages)} /Kids [{kids}] >>", FONT]
     for n, page in zip(numbers, pages, strict=True):
-        box = f"[0 0 {number(page.width * POINTS)} {number(page.height * POINTS)}]"
+        box = f"[0 0 {coordinate(page.width * POINTS)} {coordinate(page.height * POINTS)}]"
         fonts = "<< /Font << /F 3 0 R >> >>"
         content = _content(page)
         objects += [
@@ -128,9 +147,9 @@ def _content(page: Page) -> str:
 
 
 def _pdf_fill(mark: Fill) -> list[str]:
-    lines = [f"{number(mark.gray)} g"]
+    lines = [f"{coordinate(mark.gray)} g"]
     for outline in mark.outlines:
-        first, *others = (f"{number(x)} {number(y)}" for x, y in outline)
+        first, *others = (f"{coordinate(x)} {coordinate(y)}" for x, y in outline)
         lines.append(" ".join([f"{first} m", *(f"{other} l" for other in others), "h"]))
     return [*lines, "f"]
 
@@ -139,7 +158,9 @@ def _pdf_text(mark: Text) -> str:
     encodable = mark.content.encode("cp1252", "replace").decode("latin-1")
     escaped = encodable.replace("\\", r"\\").replace("(", r"\(").replace(")", r"\)")
     x, y = mark.at
-    return f"0 g BT /F {number(mark.size)} Tf {number(x)} {number(y)} Td ({escaped}) Tj ET"
+    return (
+        f"0 g BT /F {coordinate(mark.size)} Tf {coordinate(x)} {coordinate(y)} Td ({escaped}) Tj ET"
+    )
 
 
 def _file(objects: Sequence[str]) -> bytes:
