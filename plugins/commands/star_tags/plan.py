@@ -92,9 +92,8 @@ def _plan(world: World, places: Sequence[Place], paper: str) -> Page:
         tip = x - 2 * half * math.sin(place.yaw), y + 2 * half * math.cos(place.yaw)
         squares.append(_stroke((x, y), tip, 0.4))
         label = f"{_numbers(place.tags)} ({place.at[0]:g}, {place.at[1]:g})"
-        long = LETTER * len(label)
-        beside = half + 1.5 if x + half + 1.5 + long < corners[1][0] else -half - 1.5 - long
-        names.append(Text((x + beside, y - 1.0), 3.0, label))
+        below = x - LETTER * len(label) / 2, y - 1.5 * half - 4.0  # of a square turned by any angle
+        names.append(Text(below, 3.0, label))
     marks: list[Fill | Text] = [Fill((outline,), gray=0.8) for outline in shapes]
     marks += _axes(on_page, world)
     marks += [Fill((outline,)) for outline in (*walls, *squares)]

@@ -117,6 +117,13 @@ def star_commands() -> Iterable[CommandSpec]:
         group="Hardware",
     )
     yield CommandSpec(
+        name="camera",
+        summary="Show what a camera sees, with the tags in it, in the browser.",
+        configure=deferred("star_radio.camera_command:configure"),
+        run=deferred("star_radio.camera_command:run"),
+        group="Hardware",
+    )
+    yield CommandSpec(
         name="land",
         summary="Land drones that no program flies any more, by their links.",
         configure=deferred("star_radio.land_command:configure"),
