@@ -8,7 +8,7 @@ FLIGHTS ?= 100
 
 .DEFAULT_GOAL := help
 unexport PYTHONDONTWRITEBYTECODE  # the tests start many processes
-.PHONY: help fly test check generated pictures docs air bench campaign faults link-cuts mocap preflight imported guardian safe-defaults killed-studies mutants scenarios fuzz soak lowest clean
+.PHONY: help fly test check generated pictures docs air bench campaign faults link-cuts mocap onboard preflight imported guardian safe-defaults killed-studies mutants scenarios fuzz soak lowest clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 12
@@ -69,6 +69,9 @@ campaign: $(VENV)/.ready  ## the studies of docs/results.md and the tests that t
 
 mocap: $(VENV)/.ready  ## the tables of docs/mocap.md: flights by motion capture; long
 	$(BIN)/python -m tests.campaign.mocap
+
+onboard: $(VENV)/.ready  ## the table of docs/lighthouse.md: flights by Lighthouse, Loco and received poses; long
+	$(BIN)/python -m tests.campaign.onboard
 
 preflight: $(VENV)/.ready  ## injected faults that `star preflight` names, and its false alarms (docs/hardware.md); long
 	$(BIN)/python -m tests.campaign.preflight

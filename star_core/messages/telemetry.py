@@ -287,6 +287,8 @@ class Telemetry(Table):
             if it hovers instead. None if no such flight ends on the ground.
         specific_force: What each agent's accelerometer measures along x and y of its body,
             m/s²: the drag of the air, since propellers push along z. None without accelerometers.
+        position_variance: Variance of `position` along each axis that the on-board estimators
+            report, m²; None if they report none.
     """
 
     time: float
@@ -305,6 +307,7 @@ class Telemetry(Table):
     rebooted: Mask | None = column(default=None)
     lands_by: Array | None = column(default=None)
     specific_force: Array | None = column(2, default=None)
+    position_variance: Array | None = column(3, default=None)
 
     def __post_init__(self) -> None:
         Table.__post_init__(self)

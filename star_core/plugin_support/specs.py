@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from star_core import Agent, Mission, Registry, Scene, World
     from star_core.contracts import Avoider, Localizer, Planner, Task, Transport
-    from star_core.messages.arrays import Array
+    from star_core.messages.arrays import Array, Mask
     from star_core.toolkit import Monitor
 
 
@@ -117,6 +117,10 @@ class TransportSpec(MissionSpec):
         measurement_errors: ``measurement_errors(**options)`` returns the standard deviation of
             these positions along each axis, m, and the longest time without one of an agent, s;
             None if they are not known. Localizers read it in `Scene.measurement_errors`.
+        onboard_system: ``onboard_system(**options)`` returns the positioning system by which the
+            on-board estimators know the map, ``lighthouse``, ``loco`` or ``poses``, so that
+            reports are in the map frame; None, like its result, if they start at the origin of
+            their odometry. Localizers read it in `Scene.onboard_system`.
         hover_voltage: ``hover_voltage(flown, **options)`` returns the battery voltages, (N,) V, of
             agents that hover after so much time in the air, (N,) s; None if they are not known.
             Rehearsals read it.
@@ -130,6 +134,7 @@ class TransportSpec(MissionSpec):
     detects_tags: Callable[..., bool] | None = None
     measures_positions: Callable[..., bool] | None = None
     measurement_errors: Callable[..., tuple[float, float] | None] | None = None
+    onboard_system: Callable[..., str | None] | None = None
     hover_voltage: Callable[..., Array] | None = None
 
 
@@ -146,12 +151,18 @@ class LocalizerSpec(MissionSpec):
             deviation, (T, N) m, of the horizontal error of agents that fly along paths: at times
             (T,), s, with positions (T, N, 3), m, and headings (T, N), rad. It is for localizers
             whose errors grow in flight, and runs in ``star check``; None for others.
+        covered: ``covered(scene, position, **options)`` returns where agents can be located, (T,),
+            out of positions (T, 3), m; ``star check`` warns of paths that lead elsewhere. None if
+            that is everywhere.
+        reads_map: Whether it takes reports of on-board estimators that know the map.
     """
 
     make: Callable[..., Localizer]
     corrects_heights: bool = False
     edge_clearance: float = 0.0
     drift: Callable[..., Array] | None = None
+    covered: Callable[..., Mask] | None = None
+    reads_map: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

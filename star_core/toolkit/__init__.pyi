@@ -3,6 +3,11 @@
 from star_core.contracts import InjectsFaults as InjectsFaults
 from star_core.errors import shortlist as shortlist
 from star_core.errors import suggestion as suggestion
+from star_core.geometry.coverage import SYSTEMS as SYSTEMS
+from star_core.geometry.coverage import covered as covered
+from star_core.geometry.coverage import nearest_surface as nearest_surface
+from star_core.geometry.coverage import received as received
+from star_core.geometry.coverage import unobstructed as unobstructed
 from star_core.geometry.free_position import AGENT_CLEARANCE as AGENT_CLEARANCE
 from star_core.geometry.free_position import MAX_DRIFT as MAX_DRIFT
 from star_core.geometry.free_position import OBSTACLE_CLEARANCE as OBSTACLE_CLEARANCE
@@ -120,3 +125,4 @@ from star_core.world.world import TAG_RIM as TAG_RIM
 from star_core.world.world import TAG_SIZE as TAG_SIZE
 
 __all__: list[str]  # noqa: PYI035 -- of all names above
+from star_core.world.world import Beacon as Beacon

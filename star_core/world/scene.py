@@ -74,6 +74,9 @@ class Scene:
         measures_positions: Whether a positioning system measures positions: `Telemetry.fixes`.
         measurement_errors: Standard deviation of these along each axis, m, and the longest time
             without one of an agent, s; None if that is not known before the flight.
+        onboard_system: Positioning system by which the on-board estimators know the map, so that
+            they report in the map frame; None if they start at the origin of their odometry, or if
+            that is not known before the flight.
         folder: The mission's folder; files that a mission names are read from inside it.
         files: The files requested through `file`, by their names in the mission.
         groups: Rows of the agents of each of the mission's groups, by its name, in its order.
@@ -89,6 +92,7 @@ class Scene:
     detects_tags: bool = False
     measures_positions: bool = False
     measurement_errors: tuple[float, float] | None = None
+    onboard_system: str | None = None
     folder: Path = field(default_factory=Path)
     files: dict[str, Path] = field(default_factory=dict, compare=False, repr=False)
     groups: Mapping[str, tuple[int, ...]] = field(default_factory=dict, hash=False)

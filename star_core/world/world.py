@@ -197,6 +197,21 @@ class Tag:
 
 
 @dataclass(frozen=True, slots=True)
+class Beacon:
+    """A base station or an anchor of a positioning system, whose receivers are on board.
+
+    Attributes:
+        name: In the world.
+        position: Map frame, m.
+        rotation: From its frame to the map: a base station looks along x, and z is up.
+    """
+
+    name: str
+    position: Point
+    rotation: Quaternion = (0.0, 0.0, 0.0, 1.0)
+
+
+@dataclass(frozen=True, slots=True)
 class World:
     """The environment of a mission.
 
@@ -206,6 +221,8 @@ class World:
         obstacles: To stay clear of.
         virtual: Obstacles that are not there: planners lead around them where they can. Agents may
             start, stand and fly in them.
+        base_stations: Of a Lighthouse positioning system.
+        anchors: Of a Loco positioning system.
         landmarks: Tags with known poses, for localizers.
         targets: Tags to be found. Their poses are for simulators only.
     """
@@ -216,6 +233,8 @@ class World:
     landmarks: tuple[Tag, ...] = field(default=())
     targets: tuple[Tag, ...] = field(default=())
     virtual: tuple[Obstacle, ...] = field(default=())
+    base_stations: tuple[Beacon, ...] = field(default=())
+    anchors: tuple[Beacon, ...] = field(default=())
 
     def fault(self, point: Point) -> str | None:
         """Return why no agent can be at `point` (map frame, m), or None if one can.

@@ -230,9 +230,9 @@ class Accuracy(NamedTuple):
     on_board: float
 
 
-def accuracy(seed: int, assignments: Sequence[str] = ()) -> Accuracy:
+def accuracy(seed: int, assignments: Sequence[str] = (), mission: Path = MISSION) -> Accuracy:
     """Fly the mission and return its figures."""
-    flight = flown(MISSION, seed, assignments)
+    flight = flown(mission, seed, assignments)
     summary = flight.summary
     assert summary["outcome"] == "completed", summary["reason"]
     rms, worst, nees = (float(summary[f"position_{key}"]) for key in ("rmse_m", "worst_m", "nees"))

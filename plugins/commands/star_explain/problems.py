@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from star_core import Mission, Problem, Registry
 from star_core.toolkit import Rehearsal
+from star_explain.coverage import coverage_problems
 from star_explain.crowds import crowd_problems
 from star_explain.drift import drift_problems
 from star_explain.goals import goal_problems
@@ -78,6 +79,7 @@ def _of_variant(
     yield from crowd_problems(mission, rehearsal, origins)
     yield from parked_problems(mission, registry, rehearsal)
     yield from near_obstacle_problems(mission, registry, rehearsal)
+    yield from coverage_problems(mission, registry, rehearsal)
     if drifts:
         yield from drift_problems(mission, registry, rehearsal)
     if margins:

@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 
 from star_core import Tag, World
-from star_core.toolkit import box_edges, obstacle_meshes
+from star_core.toolkit import Beacon, box_edges, obstacle_meshes
 
 if TYPE_CHECKING:
     from viser import SceneApi
@@ -18,13 +18,16 @@ FENCE: Final = (60, 141, 64)
 OBSTACLE: Final = (190, 196, 204)
 LANDMARK: Final = (31, 78, 156)
 TARGET: Final = (199, 119, 0)
+BEACON: Final = (123, 63, 160)
+BEACON_SIZE: Final = 0.08  # m
+VIEW: Final = 0.4  # m, length of the line in which a base station looks
 LABEL: Final = 0.8  # size of the names, over those of agents
 TAG_THICKNESS: Final = 0.01  # m
 VIRTUAL: Final = 0.15  # opacity of virtual obstacles
 
 
 def add_world(scene: SceneApi, world: World) -> None:
-    """Add the floor, the geofence, obstacles, landmarks and targets."""
+    """Add the floor, the geofence, obstacles, tags, base stations and anchors."""
     low, high = np.array(world.fence.low), np.array(world.fence.high)
     width, depth, _ = high - low
     centre = (low + high) / 2
@@ -52,6 +55,27 @@ def add_world(scene: SceneApi, world: World) -> None:
         )
     _add_tags(scene, "landmarks", world.landmarks, LANDMARK)
     _add_tags(scene, "targets", world.targets, TARGET)
+    for beacon in (*world.base_stations, *world.anchors):
+        _add_beacon(scene, beacon, looks=beacon in world.base_stations)
+
+
+def _add_beacon(scene: SceneApi, beacon: Beacon, *, looks: bool) -> None:
+    """Add a base station or an anchor with its name, and in which direction it looks."""
+    x, y, z, w = beacon.rotation
+    name = f"/beacons/{beacon.name}"
+    scene.add_box(
+        name, color=BEACON, wxyz=(w, x, y, z), position=beacon.position,
+        dimensions=(BEACON_SIZE,) * 3, cast_shadow=False, receive_shadow=False,
+    )  # fmt: skip
+    if looks:
+        scene.add_line_segments(
+            f"{name}/view", points=np.array([[(0.0, 0.0, 0.0), (VIEW, 0.0, 0.0)]]), colors=BEACON,
+            thickness=2, thickness_units="screen",
+        )  # fmt: skip
+    scene.add_label(
+        f"{name}/label", beacon.name, position=(0.0, 0.0, BEACON_SIZE), font_screen_scale=LABEL,
+        anchor="bottom-center",
+    )  # fmt: skip
 
 
 def _add_tags(scene: SceneApi, kind: str, tags: Iterable[Tag], color: tuple[int, int, int]) -> None:

@@ -78,7 +78,7 @@ def star_file_kinds() -> Iterator[FileKindSpec]:
         name="world",
         summary="A world: fence, obstacles, landmarks and targets.",
         noun="a world",
-        keys=("fence", "obstacles", "landmarks", "targets"),
+        keys=("fence", "obstacles", "landmarks", "targets", "base_stations", "anchors"),
         schema=lambda _registry: _load("world"),
         check=_check_world,
         hints={"mission": "name a mission that is flown in it"},

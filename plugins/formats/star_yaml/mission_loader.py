@@ -142,9 +142,10 @@ def _transport_properties(choice: Mapping[str, Any], registry: Registry) -> dict
         if (holds := getattr(offer, name)) is not None:
             with PluginGuard(f"transport {offer.name!r} ({plugin.source})"):
                 properties[name] = bool(holds(**options))
-    if offer.measurement_errors is not None:
-        with PluginGuard(f"transport {offer.name!r} ({plugin.source})"):
-            properties["measurement_errors"] = offer.measurement_errors(**options)
+    for name in ("measurement_errors", "onboard_system"):
+        if (value := getattr(offer, name)) is not None:
+            with PluginGuard(f"transport {offer.name!r} ({plugin.source})"):
+                properties[name] = value(**options)
     return properties
 
 

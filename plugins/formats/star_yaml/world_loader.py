@@ -12,11 +12,13 @@ from typing import Any, Final
 
 from star_core import Fence, InputError, Obstacle, Problem, Tag, World
 from star_core.formats import Corner, Point, SourceFile, around_circle, box, moved, turned, wall
-from star_core.toolkit import TAG_RIM, TAG_SIZE, outline_fault
+from star_core.toolkit import TAG_RIM, TAG_SIZE, Beacon, outline_fault
 
 MAX_VISIBLE_SIZES: Final = 100
 """Distance at which no camera resolves a tag, in sizes of the tag: with an AI-deck's focal length,
 180 px, its eight modules are less than two pixels."""
+
+_AXES: Final = ("roll", "pitch", "yaw")
 
 FACE: Final = 0.01
 """Distance from a face of an obstacle within which a tag is taken to be stuck on it, m."""
@@ -48,10 +50,25 @@ def world(document: SourceFile) -> World:
         landmarks=tuple(tag for _, tag in _sheets(data, "landmarks")),
         targets=tuple(tag for _, tag in _sheets(data, "targets")),
         virtual=virtual,
+        base_stations=_beacons(data, "base_stations"),
+        anchors=_beacons(data, "anchors"),
     )
     if faults := list(_hidden(data, made)):
         raise InputError(document.located(faults))
     return made
+
+
+def _beacons(data: Mapping[str, Any], kind: str) -> tuple[Beacon, ...]:
+    """Return the base stations or the anchors of a world."""
+    return tuple(
+        Beacon(name, point(options["at"]), _rotation(options))
+        for name, options in data.get(kind, {}).items()
+    )
+
+
+def _rotation(options: Mapping[str, Any]) -> tuple[float, float, float, float]:
+    """Return the rotation that three angles in degrees describe."""
+    return turned(*(math.radians(options.get(f"{axis}_deg", 0.0)) for axis in _AXES))
 
 
 def point(coordinates: Sequence[float]) -> Point:
@@ -63,9 +80,7 @@ def point(coordinates: Sequence[float]) -> Point:
 def _sheets(data: Mapping[str, Any], kind: str) -> Iterator[tuple[tuple[str | int, ...], Tag]]:
     """Every tag of the landmarks or of the targets, with the location of its number in the file."""
     for name, sheet in data.get(kind, {}).items():
-        rotation = turned(
-            *(math.radians(sheet.get(f"{angle}_deg", 0.0)) for angle in ("roll", "pitch", "yaw"))
-        )
+        rotation = _rotation(sheet)
         size = float(sheet.get("size", TAG_SIZE))
         spacing = sheet.get("spacing", TAG_RIM * size)
         middle = (len(sheet["tags"]) - 1) / 2

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from star_core import Problem, TransportSpec, deferred, hookimpl
 from star_core.toolkit import fill_defaults, number, positive
-from star_sim import positioning_options
+from star_sim import onboard_options, positioning_options
 from star_sim.camera_sim import options as camera_options
 from star_sim.error_profile import PROFILES
 
@@ -117,6 +117,7 @@ OPTIONS: dict[str, Any] = {
         },
         "camera": camera_options.OPTIONS,
         "positioning": positioning_options.OPTIONS,
+        "onboard": onboard_options.OPTIONS,
     },
 }
 
@@ -201,6 +202,11 @@ def measurement_errors(
     return positioning["std"], dropout + 1 / positioning["rate"] + positioning["latency"]
 
 
+def onboard_system(*, onboard: Mapping[str, Any] | None = None, **_others: Any) -> str | None:
+    """Return the positioning system by which the on-board estimators know the map."""
+    return None if onboard is None else str(onboard["system"])
+
+
 @hookimpl
 def star_transports() -> Iterable[TransportSpec]:
     yield TransportSpec(
@@ -216,5 +222,6 @@ def star_transports() -> Iterable[TransportSpec]:
         detects_tags=detects_tags,
         measures_positions=measures_positions,
         measurement_errors=measurement_errors,
+        onboard_system=onboard_system,
         hover_voltage=deferred("star_sim.discharge:hover_voltage"),
     )

@@ -130,3 +130,10 @@ def standing(position: NDArray[np.float64], yaw: NDArray[np.float64], charge: fl
     drones["voltage"] = np.interp(charge, np.linspace(0, 1, 11), discharge.VOLTAGE_OF_CHARGE)
     drones["thrust_limit"] = airframe.THRUST_MAX if charge > 0 else 0.0
     return drones
+
+
+def know_map(drones: Drones) -> None:
+    """Let estimates of drones on the ground begin at their poses in the map."""
+    drones["believed_position"], drones["believed_yaw"] = drones["origin"], drones["origin_yaw"]
+    drones["origin"] = drones["origin_yaw"] = 0.0
+    drones["slip"] = (1.0, 0.0)

@@ -29,6 +29,8 @@ RATE: Final = 0.1  # rad/s, the firmware's gyro noise
 VELOCITY_VARIANCE: Final = (ACCELERATION * CYCLE) ** 2 * (1 - FLOW_GAIN) / FLOW_GAIN
 POSITION_GROWTH: Final = CYCLE * VELOCITY_VARIANCE * (2 / FLOW_GAIN - 1)  # m²/s
 YAW_GROWTH: Final = RATE**2 * CYCLE  # rad²/s
+START_STD: Final = 100.0  # m, the firmware's ``stdDevInitialPosition_xy``
+START_YAW_STD: Final = 0.01  # rad, the firmware's ``stdDevInitialAttitude_yaw``
 YAW: Final = 2  # column of the heading, after x and y
 
 
@@ -49,6 +51,10 @@ class Fusion:
         self._time[row] = now
         self._position[row] = drones["believed_position"][row, :2]
         self._covariance[row] = 0.0
+
+    def start_unknown(self) -> None:
+        """Restart with positions that are not known, as the firmware's filter does."""
+        self._covariance[:] = np.diag([START_STD**2, START_STD**2, START_YAW_STD**2])
 
     def covariance(self, drones: Drones, now: float) -> Array:
         """Return the (N, 3, 3) covariances of x, y (m) and heading (rad) at `now`, s.

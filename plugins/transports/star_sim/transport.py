@@ -35,12 +35,13 @@ from star_sim.camera_sim.options import CameraOptions
 from star_sim.cascade import CONTROLLERS, Cascades, cascades
 from star_sim.contact import SWEEP, prisms
 from star_sim.discharge import HOVER_CURRENT, VOLTAGE_OF_CHARGE
-from star_sim.drone import OFF, standing
+from star_sim.drone import OFF, know_map, standing
 from star_sim.drone_faults import DroneFaults
 from star_sim.error_profile import ErrorProfile
 from star_sim.estimator import SAMPLE
 from star_sim.fusion import Fusion
 from star_sim.kernel import BLOCK, advance, report
+from star_sim.onboard import Onboard
 from star_sim.pieces import Piece, Queue, pieces_of
 from star_sim.positioning import Positioning
 from star_sim.radio_link import RadioLink
@@ -55,6 +56,7 @@ from star_sim.sensors import (
 )
 from star_sim.steering import Steering
 
+HEIGHT_STD = 0.0025  # m, that on-board estimators report beside receivers: noise of the ranger
 MIN_SWAP_CHARGE = 0.95  # fraction of full: batteries with more are not replaced
 
 
@@ -78,6 +80,7 @@ class Simulator:
         camera: Camera error model; None disables cameras.
         wind: Velocity, gusts and their correlation time: see `star_sim.aerodynamics.Wind`.
         positioning: Options of a positioning system: see `star_sim.positioning`; None has none.
+        onboard: Options of receivers on board: see `star_sim.onboard`; None has none.
         needs_images: Whether the images of the agent in a row are needed; others are not rendered.
 
     Attributes:
@@ -100,6 +103,7 @@ class Simulator:
         camera: CameraOptions | None = None,
         wind: Mapping[str, Any] | None = None,
         positioning: Mapping[str, Any] | None = None,
+        onboard: Mapping[str, Any] | None = None,
         needs_images: Callable[[int], bool] = lambda _row: True,
     ) -> None:
         n = len(scene.agents)
@@ -123,8 +127,9 @@ class Simulator:
         self.leads = np.zeros((n, 3)) if controller == "mellinger" else None
         if controller != "ideal":
             self.cascades = cascades(n, CONTROLLERS[controller])
-        ideal = controller == "ideal"
-        self._steering = Steering(self.drones, self.leads, scene.period, ideal=ideal)
+        self._steering = Steering(
+            self.drones, self.leads, scene.period, ideal=controller == "ideal"
+        )
         self._swap_time = swap_time
         self._grounded_since = np.full(n, np.nan)  # s, of drones that have flown
         self._texture = np.zeros((TEXTURE_POINTS, TEXTURE_POINTS))
@@ -148,9 +153,10 @@ class Simulator:
         imperfect = noise and (lossy or profile.report_delay or profile.setpoint_delay)
         self._link = RadioLink(profile, scene.seed, n) if imperfect else None
         self._wind = None if wind is None else Wind(**wind, seed=scene.seed, agents=n)
-        self._positioning = None
-        if positioning is not None:
-            self._positioning = Positioning(scene.seed, n, **positioning)
+        self._positioning = Positioning(scene.seed, n, **positioning) if positioning else None
+        self._onboard = self._receivers(**onboard) if onboard else None
+        devices = self._cameras, self._positioning, self._onboard
+        self._devices = [device for device in devices if device is not None]
         self._near = np.zeros((n, COLUMNS)) if profile.aerodynamics else None
         still = np.zeros((BLOCK, n, 3))
         self._air = None if wind is None and self._near is None else still  # of the current block
@@ -158,6 +164,14 @@ class Simulator:
         self._queue = Queue(self.drones)
         self._lands_by = np.full(n, np.inf)  # s, of what was commanded last to be flown on board
         self._faults: DroneFaults | None = None
+
+    def _receivers(self, system: str) -> Onboard | None:
+        """Return receivers of a positioning system, which estimates begin with; exact need none."""
+        know_map(self.drones)
+        if not self._noise:
+            return None
+        self.fusion.start_unknown()
+        return Onboard(self._scene, self.fusion, system=system)
 
     @property
     def time(self) -> float:
@@ -186,10 +200,13 @@ class Simulator:
             PluginError: There is no positioning system, or no noise; see `DroneFaults`.
         """
         measuring = [fault for fault in faults if fault.component == "positioning"]
-        if self._positioning is not None:
-            self._positioning.faults = measuring
+        measures = self._positioning or self._onboard
+        if measures is not None:
+            measures.faults = measuring
         elif measuring:
-            raise PluginError("simulates no faults of positioning without the option `positioning`")
+            raise PluginError(
+                "simulates no faults of positioning without `positioning` or `onboard`"
+            )
         others = [fault for fault in faults if fault.component != "positioning"]
         self._faults = DroneFaults(self.drones, others, self._scene.seed, noise=self._noise)
 
@@ -210,12 +227,9 @@ class Simulator:
             if self._link is not None:
                 self._link.deliver(self._step)
                 due = min(due, self._link.next_step, self._queue.next_step)
-            if self._cameras is not None:
-                self._cameras.take(self.drones, self._step)
-                due = min(due, self._cameras.next_step)
-            if self._positioning is not None:
-                self._positioning.take(self.drones, self._step)
-                due = min(due, self._positioning.next_step)
+            for device in self._devices:
+                device.take(self.drones, self._step)
+                due = min(due, device.next_step)
             cycle = self._step // STEPS_PER_CYCLE
             if self._step % (STEPS_PER_CYCLE * BLOCK) == 0:
                 self._draw()
@@ -267,7 +281,15 @@ class Simulator:
             fixes=self.fixes(),
             lands_by=frozen(self._lands_by.copy()),
             specific_force=frozen(force),
+            position_variance=self._position_variance(now),
         )
+
+    def _position_variance(self, now: float) -> Array | None:
+        """Return the variances of the estimated positions, (N, 3) m²; None without receivers."""
+        if self._onboard is None:
+            return None
+        planar = np.diagonal(self.fusion.covariance(self.drones, now), axis1=1, axis2=2)
+        return frozen(np.column_stack([planar[:, :2], np.full(len(planar), HEIGHT_STD**2)]))
 
     def fixes(self) -> PoseFixes:
         """Return what the positioning system has measured, and has arrived since the last call."""

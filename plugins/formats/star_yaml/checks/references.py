@@ -73,6 +73,7 @@ def of_mission(
     yield from room.starts()
     yield from room.separation()
     yield from _parts(data, plugins)
+    yield from _frames(data, scene, registry)
     for step in distinct:
         yield from _action(step, scene, plugins)
     for reaction in reactions:
@@ -158,6 +159,21 @@ def _parts(data: Mapping[str, Any], plugins: PluginChecks) -> Iterator[Problem]:
             continue  # it may need what is missing: addresses
         options = {key: value for key, value in data[kind].items() if key != "use"}
         yield from plugins.problems(kind, data[kind]["use"], (kind,), options)
+
+
+def _frames(data: Mapping[str, Any], scene: Scene, registry: Registry) -> Iterator[Problem]:
+    """Yield a localizer that takes reports in the map for odometry."""
+    choice = data["localizer"]
+    if scene.onboard_system is None or isinstance(choice, Incomplete):
+        return
+    names = registry.names("localizer")
+    able = [name for name in names if registry.find("localizer", name).offer.reads_map]
+    if choice["use"] in names and choice["use"] not in able:
+        text = (
+            f"the drones report positions in the map, by {scene.onboard_system!r}, which "
+            f"{choice['use']!r} takes for odometry; use {' or '.join(able)}"
+        )
+        yield Problem(("localizer",), text, "option-conflict")
 
 
 def _action(step: Action, scene: Scene, plugins: PluginChecks) -> Iterator[Problem]:

@@ -1,0 +1,77 @@
+"""Localizer ``onboard``: the drones' own estimators know the map."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any, Final
+
+from star_core import LocalizerSpec, Problem, deferred, hookimpl
+from star_core.toolkit import positive
+
+if TYPE_CHECKING:
+    from star_core import Scene
+
+SYSTEMS: Final = ("lighthouse", "loco", "poses")
+BEACONS: Final = {"lighthouse": "base_stations", "loco": "anchors"}
+
+OPTIONS: dict[str, Any] = {
+    "type": "object",
+    "properties": {
+        "system": {
+            "enum": list(SYSTEMS),
+            "default": "poses",
+            "description": "By which the estimators know the map: 'lighthouse' or 'loco', with the "
+            "base stations or anchors of the world, or 'poses' that another program sends.",
+        },
+        "std": {
+            "type": ["number", "null"],
+            "exclusiveMinimum": 0,
+            "maximum": 10,
+            "default": None,
+            "description": "Standard deviation of the system's errors along x and along y, m, "
+            "which the estimators do not know; null is 0.014 for Lighthouse, 0.06 for Loco and "
+            "0.005 for poses.",
+        },
+        "max_std": positive(
+            "Standard deviation along an axis that an estimator may report, m: with more, an agent "
+            "is not located.",
+            maximum=10,
+            default=0.15,
+        ),
+        "max_report_age": positive("Age up to which an agent's report is valid, s.", default=0.5),
+    },
+}
+
+
+def check(scene: Scene, *, system: str, **_options: Any) -> Iterable[Problem]:
+    """Require a transport whose drones know the map by this system, and its beacons."""
+    simulated = scene.onboard_system
+    if simulated is None and not scene.realtime:
+        text = (
+            "the simulated drones receive no positioning system; write transport: "
+            f"{{use: sim, onboard: {{system: {system}}}}}"
+        )
+        yield Problem((), text, "no-positioning")
+    elif simulated not in (None, system):
+        text = f"the simulated drones receive {simulated!r}, not {system!r}"
+        yield Problem(("system",), text, "option-conflict")
+    place = BEACONS.get(system)
+    if place is not None and not getattr(scene.world, place):
+        text = (
+            f"world {scene.world.name!r} has no {place}: where {system!r} is received is not known"
+        )
+        yield Problem(("system",), text, "no-positioning", warning=bool(scene.realtime))
+
+
+@hookimpl
+def star_localizers() -> Iterable[LocalizerSpec]:
+    yield LocalizerSpec(
+        name="onboard",
+        summary="Take positions of on-board estimators that know the map: Lighthouse, Loco, poses.",
+        make=deferred("star_onboard.localizer:Onboard"),
+        options=OPTIONS,
+        check=check,
+        drift=deferred("star_onboard.localizer:expected_std"),
+        covered=deferred("star_onboard.localizer:is_covered"),
+        reads_map=True,
+    )

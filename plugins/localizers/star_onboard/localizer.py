@@ -1,0 +1,109 @@
+"""Positions as the on-board estimators report them, in the map frame."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+
+from star_core import Array, Estimate, Mask, Scene, Telemetry, Transform
+from star_core.toolkit import covered, frozen, shortlist
+
+# Of the systems, in the plane: see `star_sim.onboard.ERRORS` and docs/lighthouse.md.
+STD: Final = {"lighthouse": 0.014, "loco": 0.06, "poses": 0.005}  # m
+HEIGHT_STD: Final = 0.01  # m, of the ranger of a Flow deck beside the receiver
+FIRST_TIME: Final = 1.0  # s of the mission, in which estimators converge
+
+
+class Onboard:
+    """Takes the reports of on-board estimators that know the map.
+
+    A row is valid while its report is finite, no older than `max_report_age`, and its estimator
+    reports standard deviations of at most `max_std`; so no agent takes off before its receiver
+    works, and one that leaves the coverage is not located after some seconds. A row that is not
+    valid keeps its last position, at rest. Reports without variances are taken as they are.
+
+    Args:
+        scene: Agents.
+        system: Name in `STD`.
+        std: Of its errors along x and along y, m; None takes that of `STD`.
+        max_std: Greatest standard deviation that an estimator may report, m.
+        max_report_age: Age up to which a report is valid, s.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        *,
+        system: str,
+        std: float | None,
+        max_std: float,
+        max_report_age: float,
+    ) -> None:
+        n = len(scene.agents)
+        self._scene = scene
+        self._max_variance, self._max_report_age = max_std**2, max_report_age
+        planar = (STD[system] if std is None else std) ** 2
+        self._variance = np.diag([planar, planar, HEIGHT_STD**2])
+        self._map_from_odom = Transform(np.zeros(n), np.zeros((n, 3)))
+        self._position = np.array([agent.start for agent in scene.agents], float).reshape(n, 3)
+        self._yaw = np.array([agent.yaw for agent in scene.agents], float)
+        self._lost = np.zeros(n, np.bool_)
+        self._messages: list[str] = []
+
+    def locate(self, telemetry: Telemetry) -> Estimate:
+        position, velocity, yaw = telemetry.position, telemetry.velocity, telemetry.heading
+        finite = np.isfinite(position.sum(axis=1) + velocity.sum(axis=1) + yaw)
+        covariance = np.tile(self._variance, (len(yaw), 1, 1))
+        converged = finite
+        if (variance := telemetry.position_variance) is not None:
+            converged = finite & (variance <= self._max_variance).all(axis=1)
+            covariance[:, range(3), range(3)] += np.where(converged[:, None], variance, 0.0)
+        self._position = np.where(converged[:, None], position, self._position)
+        self._yaw = np.where(converged, yaw, self._yaw)
+        self._note(telemetry, converged)
+        return Estimate(
+            time=telemetry.time,
+            position=frozen(self._position),
+            velocity=frozen(np.where(converged[:, None], velocity, 0.0)),
+            yaw=frozen(self._yaw),
+            covariance=frozen(covariance),
+            valid=frozen(converged & (telemetry.age <= self._max_report_age)),
+            map_from_odom=self._map_from_odom,
+            messages=self._reported(),
+        )
+
+    def _note(self, telemetry: Telemetry, converged: Mask) -> None:
+        """Report agents whose estimators do not know where they are, and those that do again."""
+        lost = ~converged & (telemetry.time > FIRST_TIME)
+        names = self._scene.names
+        if news := [names[row] for row in np.flatnonzero(lost & ~self._lost).tolist()]:
+            self._messages.append(f"estimators do not know the positions of {shortlist(news)}")
+        if news := [names[row] for row in np.flatnonzero(self._lost & converged).tolist()]:
+            self._messages.append(f"estimators know the positions of {shortlist(news)} again")
+        self._lost = lost
+
+    def _reported(self) -> tuple[str, ...]:
+        messages, self._messages = tuple(self._messages), []
+        return messages
+
+
+def expected_std(
+    _scene: Scene,
+    _time: Array,
+    position: Array,
+    _yaw: Array,
+    *,
+    system: str,
+    std: float | None = None,
+    **_options: Any,
+) -> Array:
+    """Return the standard deviation in the plane along paths: (T, N) m, that of the system."""
+    return np.full(position.shape[:2], STD[system] if std is None else std)
+
+
+def is_covered(scene: Scene, position: Array, *, system: str, **_options: Any) -> Mask:
+    """Return where the system is received, out of positions (T, 3), m: (T,)."""
+    if system == "poses":
+        return np.ones(len(position), np.bool_)
+    return covered(scene.world, system, position)

@@ -1,0 +1,203 @@
+"""The localizer ``onboard``, and the receivers that the simulator has for it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from star_core import Agent, Array, InputError, Problem, Registry, Scene, Telemetry, World, load
+from star_core.formats import check_file, code_of
+from star_core.testing import scene
+from star_core.toolkit import SYSTEMS, Beacon, covered, fill_defaults, nearest_surface, received
+from star_onboard import OPTIONS, check
+from star_onboard.localizer import STD, Onboard, expected_std, is_covered
+from star_sim.fusion import Fusion
+from star_sim.onboard import ERRORS
+from star_sim.onboard import Onboard as Receivers
+from tests.campaign import onboard
+
+SEED = onboard.SEED + 500
+HALL = """\
+star: 1
+name: hall
+fence: {low: [-3, -3, 0], high: [3, 3, 2.5]}
+obstacles: {wall: {box: {centre: [0, 0], size: [0.2, 4]}, height: [0, 2.4]}}
+base_stations: {bs1: {at: [-2.9, 0, 2], pitch_deg: 20}}
+"""
+FLIGHT = """\
+star: 1
+name: behind
+world: hall.yaml
+swarm: {cf1: {start: [-1, 0, 0]}}
+transport: {use: sim, onboard: {system: lighthouse}}
+localizer: {use: onboard, system: lighthouse}
+planner: visibility
+avoider: none
+mission:
+  - takeoff: {height: 0.8}
+  - goto: {to: [1, 0, 0.8]}
+  - land: {}
+"""
+
+
+def room(**beacons: Any) -> World:
+    return replace(scene(1).world, **beacons)
+
+
+STATION = Beacon("bs1", (0.0, 0.0, 2.0))  # looks along x
+
+
+@pytest.mark.parametrize(
+    ("point", "seen"),
+    [
+        ((2.0, 0.0, 1.0), True),
+        ((7.0, 0.0, 2.0), False),  # too far
+        ((-1.0, 0.0, 2.0), False),  # behind it
+        ((0.5, 0.0, 0.0), False),  # too far below its axis
+        ((1.0, 3.0, 2.0), True),
+        ((1.0, 4.5, 2.0), False),  # too far aside
+    ],
+)
+def test_base_stations_are_received_in_their_view(point: Array, *, seen: bool) -> None:
+    points = np.array([point])
+    assert received(room(base_stations=(STATION,)), SYSTEMS["lighthouse"], points) == [[seen]]
+
+
+def test_obstacles_hide_base_stations_but_not_anchors(tmp_path: Path) -> None:
+    path = tmp_path / "flight.yaml"
+    (tmp_path / "hall.yaml").write_text(HALL, encoding="utf-8")
+    path.write_text(FLIGHT, encoding="utf-8")
+    warnings = check_file(path, Registry())[1]
+    outside = [line for line in warnings if "outside-coverage" in line]
+    assert [line[len(f"{path}:")] for line in outside] == ["1", "1"]  # goto and landing
+    assert all(" cf1 leaves " in line for line in outside)
+
+
+@pytest.mark.parametrize(("anchors", "enough"), [(3, False), (4, True)])
+def test_a_position_needs_four_anchors(anchors: int, *, enough: bool) -> None:
+    corners = ((0.0, 0.0, 0.0), (4.0, 0.0, 0.0), (0.0, 4.0, 0.0), (4.0, 4.0, 2.0))
+    placed = tuple(Beacon(f"a{i}", corner) for i, corner in enumerate(corners[:anchors]))
+    assert covered(room(anchors=placed), "loco", np.array([[1.0, 1.0, 1.0]])) == [enough]
+
+
+def test_walls_are_those_of_the_fence_and_of_obstacles() -> None:
+    world = scene(1).world
+    edge = world.fence.high[0]
+    assert nearest_surface(world, np.array([[edge - 0.3, 0.0, 1.0]])) == pytest.approx([0.3])
+
+
+def agents(n: int) -> Scene:
+    return replace(scene(n), agents=tuple(Agent(f"cf{i}", (i, 0.0, 0.0)) for i in range(n)))
+
+
+def telemetry(position: Array, variance: Array | None) -> Telemetry:
+    n = len(position)
+    return Telemetry(
+        time=2.0,
+        position=position,
+        velocity=np.ones((n, 3)),
+        attitude=np.tile([0.0, 0.0, np.sin(0.5), np.cos(0.5)], (n, 1)),
+        battery=np.full(n, 4.0),
+        state=np.zeros(n, np.int64),
+        age=np.zeros(n),
+        position_variance=variance,
+    )
+
+
+def localizer(n: int, system: str = "lighthouse") -> Onboard:
+    return Onboard(agents(n), **fill_defaults({"system": system}, OPTIONS))
+
+
+def test_reports_are_positions_in_the_map() -> None:
+    estimate = localizer(1).locate(telemetry(np.array([[3.0, 4.0, 1.0]]), None))
+    assert estimate.position.tolist() == [[3.0, 4.0, 1.0]]
+    assert estimate.yaw == pytest.approx([1.0])
+    assert estimate.map_from_odom.apply(np.array([[1.0, 2.0, 3.0]])).tolist() == [[1.0, 2.0, 3.0]]
+    assert estimate.covariance[0, 0, 0] == pytest.approx(STD["lighthouse"] ** 2)
+    assert estimate.valid.all()
+
+
+def test_an_estimator_that_does_not_know_where_it_is_locates_no_agent() -> None:
+    position = np.array([[3.0, 4.0, 1.0], [3.0, 4.0, np.nan], [5.0, 5.0, 1.0]])
+    variance = np.array([[0.2**2, 0.01, 1e-4], [1e-4] * 3, [0.1**2, 0.01, 1e-4]])
+    estimate = localizer(3).locate(telemetry(position, variance))
+    assert estimate.valid.tolist() == [False, False, True]
+    assert estimate.position.tolist() == [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [5.0, 5.0, 1.0]]
+    assert estimate.velocity.tolist() == [[0.0] * 3, [0.0] * 3, [1.0] * 3]
+    assert estimate.covariance[2, 0, 0] == pytest.approx(0.1**2 + STD["lighthouse"] ** 2)
+    assert estimate.messages == ("estimators do not know the positions of cf0, cf1",)
+
+
+def test_agents_that_are_located_again_are_reported() -> None:
+    plugin, position = localizer(1), np.array([[0.0, 0.0, 1.0]])
+    plugin.locate(telemetry(position, np.full((1, 3), 1.0)))
+    estimate = plugin.locate(telemetry(position, np.full((1, 3), 1e-4)))
+    assert estimate.messages == ("estimators know the positions of cf0 again",)
+    assert plugin.locate(telemetry(position, np.full((1, 3), 1e-4))).messages == ()
+
+
+def found(scene: Scene, system: str) -> list[tuple[str, bool]]:
+    problems: list[Problem] = [*check(scene, system=system)]
+    return [(problem.code, problem.warning) for problem in problems]
+
+
+@pytest.mark.parametrize(
+    ("changes", "system", "expected"),
+    [
+        ({"onboard_system": "poses"}, "poses", []),
+        ({"onboard_system": None}, "poses", [("no-positioning", False)]),
+        ({"onboard_system": "poses"}, "loco",
+         [("option-conflict", False), ("no-positioning", False)]),
+        ({"realtime": True}, "poses", []),
+        ({"realtime": True}, "lighthouse", [("no-positioning", True)]),
+    ],
+)  # fmt: skip
+def test_systems_that_drones_do_not_have_are_refused(
+    changes: dict[str, Any], system: str, expected: list[tuple[str, bool]]
+) -> None:
+    assert found(replace(scene(1), **changes), system) == expected
+
+
+def test_localizers_that_expect_odometry_are_refused() -> None:
+    with pytest.raises(InputError) as caught:
+        load(onboard.LIGHTHOUSE, Registry(), ["localizer=flow"])
+    assert [code_of(problem) for problem in caught.value.problems] == ["option-conflict"]
+
+
+def test_expected_errors_are_those_of_the_system() -> None:
+    path = np.zeros((4, 1, 3))
+    std = expected_std(scene(1), np.arange(4.0), path, path[..., 0], system="loco")
+    assert std.tolist() == [[STD["loco"]]] * 4
+    assert is_covered(scene(1), path[:, 0], system="poses").all()
+
+
+def test_simulated_errors_are_those_of_the_table() -> None:
+    """Positions of two base stations err by their geometry, of one by three times as much."""
+    drones = np.zeros(1, [("position", "f8", 3), ("attitude", "f8", 4)])
+    drones["position"], drones["attitude"][:, 3] = (1.0, 0.0, 1.5), 1.0
+    other = Beacon("bs2", (0.0, 0.5, 2.0))
+    errors: dict[int, list[float]] = {1: [], 2: []}
+    for seed in range(300):
+        for stations in ((STATION,), (STATION, other)):
+            here = replace(scene(1), seed=seed, world=room(base_stations=stations))
+            fixes = Receivers(here, Fusion(1), system="lighthouse").measured(drones, 0.0)
+            errors[len(stations)] += (fixes.position - drones["position"]).ravel().tolist()
+    bias = ERRORS["lighthouse"].bias
+    assert np.std(errors[1]) == pytest.approx(3 * bias, rel=0.1)
+    assert np.std(errors[2]) == pytest.approx(bias / np.sqrt(2), rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("system", "most"), [("lighthouse", 0.05), ("loco", 0.16), ("poses", 0.02)]
+)
+def test_flights_are_as_accurate_as_the_system(system: str, most: float) -> None:
+    assert onboard.of_system(SEED, system).rms <= most
+
+
+@pytest.mark.parametrize("holds", [onboard.never_received, onboard.lost])
+def test_what_receivers_lose_is_noticed(holds: onboard.Holds) -> None:
+    assert holds(SEED)
