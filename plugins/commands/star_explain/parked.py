@@ -16,6 +16,8 @@ PERIOD: Final = 0.5  # s
 MIN_SPEED: Final = 0.1  # m/s of an agent on its way
 PARKED_SPEED: Final = 0.05  # m/s, below which an agent hovers
 DISTANCE_TOLERANCE: Final = 0.05  # m, beyond the distance that agents of a rehearsal keep
+STALL_TIME: Final = 10.0  # s for which an agent creeps that makes no way
+STALL_SPEED: Final = 0.005  # m/s, above which it creeps; one that arrives soon is slower
 
 
 def parked_problems(
@@ -24,7 +26,8 @@ def parked_problems(
     """Warn if an agent has to fly around one that hovers, and its avoider may stop before it.
 
     The avoiders concerned are those that do not declare `AvoiderSpec.uncertain_positions`: that
-    traffic flows in narrow places too. Of 20 random missions with `voronoi` and `potential` and
+    traffic flows in narrow places too. An agent meets one that hovers if it passes it at the distance
+    that the two keep, or if it creeps for long near it. Of 20 random missions with `voronoi` and `potential` and
     exact positions, 6 have such an agent; in two of these it never arrived, in no other mission.
     Of one that declares `AvoiderSpec.leads_around`, only agents whose goals others can enclose are
     reported.
@@ -50,8 +53,11 @@ def parked_problems(
         offset = position[:, row] - position[:, other]
         meets = airborne[:, row] & hovers[:, other] & stuck[:, row]
         meets &= np.abs(offset[:, 2]) < scene.limits.vertical_separation
-        meets &= speed[:, row] > MIN_SPEED
-        meets &= np.hypot(offset[:, 0], offset[:, 1]) < kept_distance(mission) + DISTANCE_TOLERANCE
+        apart = np.hypot(offset[:, 0], offset[:, 1])
+        kept = kept_distance(mission)
+        meets &= ((speed[:, row] > MIN_SPEED) & (apart < kept + DISTANCE_TOLERANCE)) | (
+            _stalls(speed[:, row]) & (apart < 2 * kept)
+        )
         if meets.any():
             yield Problem(
                 ("avoider",),
@@ -62,6 +68,13 @@ def parked_problems(
                 warning=True,
             )
             return
+
+
+def _stalls(speed: Array) -> Mask:
+    """Return when an agent creeps, and has for `STALL_TIME`: (T,), by (T,) speeds, m/s."""
+    creeps = (speed > STALL_SPEED) & (speed < MIN_SPEED)
+    samples = round(STALL_TIME / PERIOD)
+    return np.convolve(creeps, np.ones(samples), "full")[: len(speed)] >= samples
 
 
 def _to_crowded_goals(position: Array, hovers: Mask, gap: float) -> Mask:

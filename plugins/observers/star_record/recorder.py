@@ -138,9 +138,10 @@ class Recorder:
         Raises:
             OSError: A file cannot be written, as after the folder was moved away or deleted.
         """
-        self.log.finish(summary)
-        self._events.close()
         with self._reporting():
+            with suppress(OSError):  # of a full disk, which the tables report
+                self._events.close()
+            self.log.finish(summary)
             self._write_tables(summary)
             (self._folder / "events.jsonl").unlink(missing_ok=True)
 

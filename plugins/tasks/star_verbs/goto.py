@@ -15,6 +15,7 @@ from star_verbs.step_agents import DURATION_ERROR, StepAgents, assign
 
 TOLERANCE: Final = 0.1  # m: distance from its position at which an agent has arrived
 MAX_GOAL_ERROR: Final = 0.25  # m: an agent that flies nearer to its goal continues from the goal
+FENCE_INSET: Final = 0.01  # m inside of the fence, for the rounding of offsets there and back
 CONDITION_TIMEOUT: Final = 60.0  # s
 
 
@@ -99,14 +100,23 @@ class Approach:
         self._fault = self.target_fault(self._target)
 
     def origins(self, rows: Rows, estimate: Estimate) -> Array:
-        """Return the positions of some agents, or the goals that they are near to, (K, 3) m."""
+        """Return the positions of some agents, or the goals that they are near to, (K, 3) m.
+
+        Of agents that drifted out of the fence, as before another take-off, it is the point beside
+        them inside, so that offsets there and back lead back to where agents may be.
+        """
         position = estimate.position[rows]
-        if self._before is None:
-            return position
-        goal = self._before.position[rows]
-        error = np.linalg.norm(position - goal, axis=1)
-        near = self._before.active[rows] & (error <= MAX_GOAL_ERROR)
-        return np.where(near[:, None], goal, position)
+        if self._before is not None:
+            goal = self._before.position[rows]
+            error = np.linalg.norm(position - goal, axis=1)
+            near = self._before.active[rows] & (error <= MAX_GOAL_ERROR)
+            position = np.where(near[:, None], goal, position)
+        fence = self.agents.scene.world.fence
+        low, high = np.array(fence.low[:2]), np.array(fence.high[:2])
+        level = position[:, :2]
+        outside = (level < low) | (level > high)
+        inside = np.clip(level, low + FENCE_INSET, high - FENCE_INSET)
+        return np.hstack([np.where(outside, inside, level), position[:, 2:]])
 
     def target_fault(self, target: Array) -> str:
         """Return which agents have goals that are not flyable, and why; empty if none.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import errno
 import json
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -16,6 +16,7 @@ from star_core.commands.main import main
 from star_core.discovery import Source
 from star_core.plugin_support.registry import Registry
 from star_record.read_record import split_timing
+from star_record.text_log import TextLog
 
 Said: TypeAlias = pytest.CaptureFixture[str]
 pytestmark = pytest.mark.usefixtures("hop")
@@ -156,6 +157,21 @@ def test_a_full_disk_is_the_last_line(said: Said, monkeypatch: pytest.MonkeyPatc
 
 
 # What cannot be recorded into
+
+
+def test_a_disk_that_is_full_at_the_end_is_the_last_line(
+    said: Said, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    finish = TextLog.finish
+
+    def full(log: TextLog, summary: Mapping[str, Any]) -> None:
+        finish(log, summary)
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("star_record.recorder.TextLog.finish", full)
+    assert main(["run", "hop.yaml", "--out", "out"]) == 1
+    last = said.readouterr().out.splitlines()[-1]
+    assert last == "not recorded: out: No space left on device"
 
 
 def test_a_file_cannot_be_recorded_into(refused: Callable[[str], str]) -> None:

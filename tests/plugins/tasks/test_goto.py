@@ -62,6 +62,22 @@ def test_an_offset_counts_from_the_last_goal_nearby(
     assert task.goals.position[0] == pytest.approx(np.add(start, [1.0, 0.0, 0.1]))
 
 
+def test_offsets_back_from_outside_the_fence_end_inside(make: Any) -> None:
+    room = replace(scene(1), world=HALL)
+    outside = np.array([[0.0, 3.13, 0.8]])  # as far as it may have drifted in a landing
+    last: Goals | None = None
+    for by in ([0.0, -0.65, 0.0], [0.0, 0.65, 0.0]):
+        task = make("goto", room, (0,), by=by)
+        if last is not None:
+            task.continue_from(last)
+            outside = last.position
+        task.begin(estimate(outside), health(1))
+        assert task.step(estimate(outside), health(1)).status is not Status.FAILURE
+        last = task.goals
+    assert last is not None
+    assert last.position[0] == pytest.approx([0.0, 2.99, 0.8])
+
+
 def test_agents_keep_their_heading_by_default(make: Any, fly: Any) -> None:
     room = scene(1)
     kept = fly(make("goto", room, (0,), to=[1.0, 2.0, 1.2]), room, AIR[:1])

@@ -55,3 +55,11 @@ def test_voronoi_is_warned_of_goals_between_hovering_agents(tmp_path: Path) -> N
     changes = ["avoider=voronoi", *beside]
     warnings = check_file(tmp_path / "passing.yaml", Registry(), changes)[1]
     assert ["[agent-in-the-way]" in text for text in warnings] == [True]
+
+
+def test_an_agent_that_creeps_before_another_is_warned_of(tmp_path: Path) -> None:
+    (tmp_path / "hall.yaml").write_text(WORLD)
+    (tmp_path / "passing.yaml").write_text(MISSION)
+    changes = ["mission.1.goto.to=[3, 0.04, 0.8]", "mission.1.goto.speed=0.3"]
+    warnings = check_file(tmp_path / "passing.yaml", Registry(), changes)[1]
+    assert ["[agent-in-the-way]" in text for text in warnings] == [True]
