@@ -26,9 +26,10 @@ def parked_problems(
     """Warn if an agent has to fly around one that hovers, and its avoider may stop before it.
 
     The avoiders concerned are those that do not declare `AvoiderSpec.uncertain_positions`: that
-    traffic flows in narrow places too. An agent meets one that hovers if it passes it at the distance
-    that the two keep, or if it creeps for long near it. Of 20 random missions with `voronoi` and `potential` and
-    exact positions, 6 have such an agent; in two of these it never arrived, in no other mission.
+    traffic flows in narrow places too. An agent meets one that hovers if it passes it at the
+    distance that the two keep, or if it creeps for long near it. Of 20 random missions with
+    `voronoi` and `potential` and exact positions, 6 have such an agent; in two of these it never
+    arrived, in no other mission.
     Of one that declares `AvoiderSpec.leads_around`, only agents whose goals others can enclose are
     reported.
 

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
+import numpy as np
 import pytest
 
-from star_core import Registry
+from star_core import Registry, load
 from star_core.formats import check_file
+from star_explain.parked import parked_problems
 
 WORLD = "star: 1\nname: hall\nfence: {low: [-9, -9, 0], high: [9, 9, 2.2]}\n"
 MISSION = """\
@@ -57,9 +61,17 @@ def test_voronoi_is_warned_of_goals_between_hovering_agents(tmp_path: Path) -> N
     assert ["[agent-in-the-way]" in text for text in warnings] == [True]
 
 
-def test_an_agent_that_creeps_before_another_is_warned_of(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("seconds", "is_warned"), [(15.0, True), (5.0, False)])
+def test_an_agent_that_creeps_before_another_is_warned_of(
+    tmp_path: Path, seconds: float, *, is_warned: bool
+) -> None:
     (tmp_path / "hall.yaml").write_text(WORLD)
     (tmp_path / "passing.yaml").write_text(MISSION)
-    changes = ["mission.1.goto.to=[3, 0.04, 0.8]", "mission.1.goto.speed=0.3"]
-    warnings = check_file(tmp_path / "passing.yaml", Registry(), changes)[1]
-    assert ["[agent-in-the-way]" in text for text in warnings] == [True]
+    mission = load(tmp_path / "passing.yaml", Registry())
+    time = np.arange(0.0, 20.0, 0.5)
+    position = np.full((len(time), 2, 3), 0.8)
+    position[:, 0, 0], position[:, 1, 0] = 0.9 + 0.02 * np.minimum(time, seconds), 1.5  # m
+    tables = time, position, np.zeros((len(time), 2)), np.ones((len(time), 2), np.bool_)
+    rehearsal: Any = SimpleNamespace(sampled=lambda _period: tables)
+    found = [*parked_problems(mission, Registry(), rehearsal)]
+    assert [problem.code for problem in found] == ["agent-in-the-way"] * is_warned

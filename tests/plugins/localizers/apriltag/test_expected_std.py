@@ -72,7 +72,7 @@ def test_tags_at_the_edge_of_the_image_do_not_count_as_seen() -> None:
     for ahead in np.arange(0.2, 0.6, 0.01):
         body = model.mounting.rotation
         eye = np.array([0.0, 0.0, 0.8]) + model.mounting.position
-        points = (corner + [ahead, 0.0, 0.0] - eye) @ body
+        points = (corner + np.array([ahead, 0.0, 0.0]) - eye) @ body
         pixels = model.project(points)
         edge = min(pixels.min(), (np.array([323.0, 243.0]) - pixels).min())
         edges[ahead] = edge, std(room((ahead, 0.0)), np.zeros(20))[-1]
