@@ -42,13 +42,9 @@ SETTINGS = {  # to shorten long flights, and to fly `external` beside other test
         "mission.2.follow.timescale=1.1",
     ),
 }
-REHEARSED = {  # missions whose rehearsals must take as long as their flights
-    "each_own_pace",
-    "handover",
-    "safety",
-    "search_flow",
-    "trajectory",
-    "until_low",
+UNREHEARSED = {
+    "external",  # how long its program takes is unknown
+    "search",  # ends 15 s later if a fast camera misses a target in passing
 }
 WARNINGS = {  # with tags detected on board, which a search may not see for some time
     "relief": {"drift-exceeds-clearance", "drift-exceeds-separation"},
@@ -87,7 +83,7 @@ def test_every_mission_checks_and_completes_without_collision(
     summary = flown(mission, tmp_path, settings=settings)
     assert summary["collisions"] == {"agent_agent": 0, "agent_obstacle": 0}
     assert summary["targets"]["found"] == summary["targets"]["total"]
-    if mission.stem in REHEARSED:
+    if mission.stem not in UNREHEARSED:
         registry = Registry()
         rehearsal = registry.manager.hook.star_rehearse(
             mission=load(mission, registry, settings), registry=registry

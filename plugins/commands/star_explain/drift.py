@@ -11,14 +11,11 @@ import numpy as np
 
 from star_core import Array, Mask, Mission, Problem, Registry
 from star_core.toolkit import ALONE_SHARE, CONTACT_RADIUS, MAX_MARGIN_RATIO, Rehearsal
+from star_explain.passing import PASSING_SHARE
 from star_explain.separation import kept_distance
 
 PERIOD: Final = 0.5  # s
 MIN_SPEED: Final = 0.1  # m/s, relative: two agents that are slower do not pass each other
-PASSING_SHARE: Final = 1 / 4
-"""Share of the margins that agents keep at least when they pass each other, since margins yield:
-four agents by `flow` that change sides at once pass at 0.64 to 0.71 m, where the separation and all
-of the margins are 1.2 m, two at 0.8 to 0.9 m, and two pairs in lanes 1 m apart at 0.57 m."""
 EVASION_TIME: Final = 5.0  # s that passing others takes: those lanes take 8 s in place of 3
 NEAR_USE: Final = 2 / 3  # of their room, from which on two agents count as near each other
 MAX_RISK: Final = 0.01  # probability of less than the separation from which on there is a warning

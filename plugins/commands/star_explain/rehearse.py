@@ -180,7 +180,8 @@ def _run(
         steered = swarm.steered()
         velocity = steering.velocity(estimate, goals, steered)
         velocity *= handling.tracking
-        swarm.send(Setpoint(velocity, goals.yaw, goals.active & steered))
+        yaw = steering.heading(estimate, goals)
+        swarm.send(Setpoint(velocity, yaw, goals.active & steered))
         tick += 1
         swarm.wait(tick * TICK)
     return tracks.rehearsal(tasks.made)

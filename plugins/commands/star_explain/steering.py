@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Final
 
@@ -9,9 +10,12 @@ import numpy as np
 
 from star_core import Array, Estimate, Goals, Mask, Mission, Registry
 from star_core.testing import straight_velocity
+from star_core.toolkit import wrap_angle
 from star_explain.passing import Passing
+from star_explain.uncertainty import Uncertainty
 
 GAIN: Final = 1.5  # 1/s, of a planner without this option
+YAW_RATE_DEG: Final = 90.0  # degrees/s, likewise
 BRAKING: Final = 0.5  # of the greatest acceleration, as `PositionController`
 
 
@@ -29,15 +33,24 @@ class Steering:
     """
 
     def __init__(self, mission: Mission, registry: Registry) -> None:
-        gain = mission.plugins["planner"].options.get("gain", GAIN)
-        self._gain = float(gain) if isinstance(gain, int | float) else GAIN
         self._scene = scene = mission.scene
-        self._passing = Passing(mission)
+        self._gain = _option(mission, "gain", GAIN)
+        self._most_turn = (
+            math.radians(_option(mission, "yaw_rate_deg", YAW_RATE_DEG)) * scene.period
+        )
+        self._uncertainty = Uncertainty(mission, registry)
+        self._passing = Passing(mission, self._uncertainty.std)
         self._plugins = None
         used = {kind: mission.plugins[kind] for kind in ("planner", "avoider")}
         specs = {kind: registry.find(kind, used[kind].use).offer for kind in used}
         if (scene.world.obstacles or scene.world.virtual) and specs["planner"].avoids_obstacles:
             self._plugins = tuple(specs[kind].make(scene, **used[kind].options) for kind in used)
+
+    def heading(self, estimate: Estimate, goals: Goals) -> Array:
+        """Return the headings of all agents, which turn to their goals', (N,) rad."""
+        error = wrap_angle(goals.yaw - estimate.yaw)
+        turned: Array = estimate.yaw + np.clip(error, -self._most_turn, self._most_turn)
+        return turned
 
     def velocity(self, estimate: Estimate, goals: Goals, steered: Mask) -> Array:
         """Return the velocities of all agents, (N, 3) m/s.
@@ -47,6 +60,8 @@ class Steering:
             goals: Of the agents.
             steered: (N,) agents that fly to their goals.
         """
+        now = estimate.time
+        self._uncertainty.add(now, estimate.position, estimate.yaw)
         velocity = straight_velocity(
             estimate.position,
             goals,
@@ -57,6 +72,8 @@ class Steering:
         )
         if self._plugins is not None:
             planner, avoider = self._plugins
+            variance = self._uncertainty.std()[:, None, None] ** 2
+            estimate = replace(estimate, covariance=variance * np.eye(3))
             try:
                 plan = planner.plan(estimate, replace(goals, active=goals.active & steered))
                 planned = np.where(plan.unreachable[:, None], velocity, plan.setpoint.velocity)
@@ -64,4 +81,10 @@ class Steering:
                 return np.array(avoider.avoid(estimate, wanted).velocity)
             except Exception:  # noqa: BLE001 -- whatever a plugin may raise, as the flight reports
                 self._plugins = None
-        return self._passing.velocity(estimate.time, estimate.position, goals, steered, velocity)
+        return self._passing.velocity(now, estimate.position, goals, steered, velocity)
+
+
+def _option(mission: Mission, name: str, default: float) -> float:
+    """Return a number among the options of the planner."""
+    value = mission.plugins["planner"].options.get(name, default)
+    return float(value) if isinstance(value, int | float) else default

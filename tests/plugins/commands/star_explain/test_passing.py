@@ -80,3 +80,8 @@ def test_drones_with_dynamics_take_longer(rehearsed: Callable[..., Rehearsal]) -
     climbs = [each.steps[0].duration for each in (ideal, real)]
     assert climbs == pytest.approx([2.7, 3.6])
     assert real.time[-1] > ideal.time[-1] + 1.0
+
+
+def test_uncertain_agents_pass_farther_apart(rehearsed: Callable[..., Rehearsal]) -> None:
+    exact = rehearsed("limits.uncertainty_margin=0")
+    assert least_distance(rehearsed()) > least_distance(exact) + 0.05  # m

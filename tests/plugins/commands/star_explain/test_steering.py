@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from star_core import AgentPhase, PlannerSpec, Registry, hookimpl, load
@@ -68,6 +69,16 @@ def test_the_planner_leads_around_obstacles(rehearsed: Callable[..., Rehearsal])
     assert abs(around.position[:, 0, 1]).max() > 0.65  # m: half the block, and most of a clearance
     assert abs(straight.position[:, 0, 1]).max() < 0.01
     assert around.time[-1] > straight.time[-1]
+
+
+def test_agents_turn_at_the_yaw_rate_of_the_planner(rehearsed: Callable[..., Rehearsal]) -> None:
+    rehearsal = rehearsed(
+        "planner={use: straight, yaw_rate_deg: 45}",
+        "mission.1.goto={agents: a, to: [0, -2, 0.8], yaw_deg: 90}",
+    )
+    turn = np.abs(np.diff(rehearsal.yaw[:, 0])) / np.diff(rehearsal.time)
+    assert np.rad2deg(turn.max()) == pytest.approx(45)
+    assert np.rad2deg(rehearsal.yaw[-1, 0]) == pytest.approx(90)
 
 
 def test_agents_fly_straight_once_a_planner_fails(rehearsed: Callable[..., Rehearsal]) -> None:
