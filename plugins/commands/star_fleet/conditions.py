@@ -21,7 +21,9 @@ class Condition(StrEnum):
     """A fault that a drone has before the flight, or a deck that it carries."""
 
     LIGHTHOUSE = "lighthouse"  # a deck that receives two base stations
-    NO_STATIONS = "no-stations"  # a deck that receives none
+    LOCO = "loco"  # a deck that ranges to eight anchors
+    POSES = "poses"  # another program sends it its poses
+    NO_STATIONS = "no-stations"  # a Lighthouse deck that receives none
     EMPTY_BATTERY = "empty-battery"
     FAILED_SELF_TEST = "failed-self-test"
     NO_FLOW_DECK = "no-flow-deck"
@@ -40,6 +42,13 @@ Conditions: TypeAlias = Mapping[int, frozenset[Condition]]
 """Conditions by row."""
 
 NONE: Final[frozenset[Condition]] = frozenset()
+SWITCHES: Final[Mapping[Condition, str]] = {
+    Condition.LIGHTHOUSE: "lighthouse.enableEst",
+    Condition.LOCO: "loco.enableEst",
+    Condition.POSES: "",
+}
+"""Conditions in which an estimator knows the map, and the parameters that enable it, if any."""
+ANCHORS: Final = 0xFF  # bits of eight
 UNMEASURED: Final = {Condition.NO_FLOW_DECK, Condition.UNSETTLED}
 
 
@@ -65,6 +74,21 @@ def read_conditions(texts: Iterable[str], scene: Scene) -> Conditions:
     return rows
 
 
+def with_receivers(conditions: Conditions, scene: Scene) -> Conditions:
+    """Return conditions in which drones know the map by the mission's positioning system.
+
+    A drone with a deck that receives nothing does not.
+    """
+    if scene.onboard_system is None:
+        return conditions
+    receives = frozenset({Condition(scene.onboard_system)})
+    rows = {row: conditions.get(row, NONE) for row in range(len(scene.agents))}
+    return {
+        row: some if Condition.NO_STATIONS in some else some | receives
+        for row, some in rows.items()
+    }
+
+
 def prepare(drones: Drones, conditions: Conditions) -> None:
     """Empty batteries, and move drones, as their conditions are."""
     for row, some in conditions.items():
@@ -83,6 +107,11 @@ def unmeasured(conditions: Conditions, n: int) -> Mask:
 def stations(conditions: Conditions, n: int) -> Array:
     """Return the bits of the Lighthouse base stations that drones receive: (N,)."""
     return 3.0 * _rows(conditions, n, {Condition.LIGHTHOUSE})
+
+
+def anchors(conditions: Conditions, n: int) -> Array:
+    """Return the bits of the Loco anchors to which drones range: (N,)."""
+    return ANCHORS * _rows(conditions, n, {Condition.LOCO})
 
 
 def _rows(conditions: Conditions, n: int, which: set[Condition]) -> Array:

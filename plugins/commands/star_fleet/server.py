@@ -15,7 +15,7 @@ import numpy as np
 
 from star_core import Agent, Frames, Image, InputError, PluginError, PoseFixes, Scene
 from star_core.toolkit import Fault
-from star_fleet.conditions import NONE, Condition, Conditions, prepare
+from star_fleet.conditions import NONE, Condition, Conditions, prepare, with_receivers
 from star_fleet.craft import Craft
 from star_fleet.link_faults import NO_FAULTS, Direction, FaultyLinks, LinkFaults
 from star_fleet.ports import Client, Ports
@@ -108,7 +108,7 @@ class Fleet:
         self._agents, self._arms_itself = scene.agents, arms_itself
         self._link_timeout = link_timeout * speed  # s, simulated
         self._speed = speed
-        self._conditions = conditions
+        self._conditions = with_receivers(conditions, scene)
         prepare(self.simulator.drones, conditions)
         self.vehicles = [self._started(row) for row in range(len(scene.agents))]
         self._boots_until = np.zeros(len(scene.agents))  # s

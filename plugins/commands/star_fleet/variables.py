@@ -16,7 +16,7 @@ from typing import Any, Final
 import numpy as np
 
 from star_core import Array, Rows
-from star_fleet.conditions import GROWTH, Conditions, stations, unmeasured
+from star_fleet.conditions import GROWTH, Conditions, anchors, stations, unmeasured
 from star_fleet.packet import compress
 from star_sim import fusion
 from star_sim.airframe import DRAG_XY, DRAG_Z, GRAVITY, MASS, THRUST_MAX
@@ -226,6 +226,10 @@ def _stations(readings: Readings) -> Any:
     return stations(readings.conditions, len(readings.drones))
 
 
+def _anchors(readings: Readings) -> Any:
+    return anchors(readings.conditions, len(readings.drones))
+
+
 def _battery_level(readings: Readings) -> Any:
     low, high = CELL
     return 100 * np.clip((readings.drones["voltage"] - low) / (high - low), 0, 1)
@@ -317,6 +321,7 @@ VARIABLES: Final = (
     *_each("kalman", "varPX varPY varPZ", FLOAT, _velocity_variance),
     Variable("kalman.varD2", FLOAT, _variance(fusion.YAW)),
     Variable("lighthouse.bsActive", U16, _stations),
+    Variable("ranging.state", U16, _anchors),
     Variable("range.zrange", U16, _range),
     *_each("motor", "m1 m2 m3 m4", U16, _column, "pwm"),
     Variable("pm.vbat", FLOAT, _of("voltage")),

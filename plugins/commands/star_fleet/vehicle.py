@@ -14,7 +14,7 @@ from typing import Final
 
 from star_core import Supervisor as Bits
 from star_fleet import log, parameters
-from star_fleet.conditions import NONE, Condition
+from star_fleet.conditions import NONE, SWITCHES, Condition
 from star_fleet.craft import Craft
 from star_fleet.highlevel import Guidance, HighLevel, Stage
 from star_fleet.memory import Memories
@@ -112,7 +112,9 @@ class Vehicle:
                 self._parameters.put(f"deck.bc{deck}", 0)
         if self._conditions & {Condition.LIGHTHOUSE, Condition.NO_STATIONS}:
             self._parameters.put("deck.bcLighthouse4", 1)
-        if Condition.LIGHTHOUSE in self._conditions:
+        if Condition.LOCO in self._conditions:
+            self._parameters.put("deck.bcLoco", 1)
+        if self._knows_map():
             craft.begin_estimate_in_map()
         if Condition.FAILED_SELF_TEST in self._conditions:
             self._parameters.put("system.selftestPassed", 0)
@@ -281,6 +283,11 @@ class Vehicle:
             return payload
         return MAGIC.ljust(MAX_PAYLOAD, b"\0") if channel == SOURCE else None
 
+    def _knows_map(self) -> bool:
+        """Return whether a positioning system corrects its estimator."""
+        systems = [name for system, name in SWITCHES.items() if system in self._conditions]
+        return any(not name or self._parameters[name] for name in systems)
+
     def _written(self, name: str) -> None:
         """Apply the immediate effect of a written parameter."""
         if name == "stabilizer.controller":
@@ -288,8 +295,7 @@ class Vehicle:
         if name != "kalman.resetEstimation" or not self._parameters[name]:
             return
         x, y, yaw = (self._parameters[f"kalman.initial{axis}"] for axis in ("X", "Y", "Yaw"))
-        lighthouse = Condition.LIGHTHOUSE in self._conditions
-        if lighthouse and self._parameters["lighthouse.enableEst"]:
+        if self._knows_map():
             self._craft.begin_estimate_in_map()
         elif sound([x, y, yaw]):
             self._craft.begin_estimate(x, y, math.remainder(yaw, math.tau))

@@ -15,6 +15,7 @@ from star_radio.inspection import Equipment, Inspection
 
 MAX_TILT: Final = math.radians(10.0)  # of a drone that stands level; chosen, not measured
 MAX_START_ERROR: Final = 0.15  # m; chosen, not measured
+MAX_RANGED_ERROR: Final = 0.4  # m, of a start by Loco alone, which errs by decimetres; chosen
 MAX_YAW_ERROR: Final = math.radians(10.0)  # 9 cm after 0.5 m; chosen, not measured
 MIN_CONTRAST: Final = 8.0  # gray levels; an uncovered lens has more, chosen, not measured
 POSITION_DECKS: Final = ("Flow2", "Flow", "Lighthouse4", "Loco", "DWM1000")
@@ -66,11 +67,13 @@ class Placement(NamedTuple):
         source: What measures it.
         position: m.
         yaw: rad; NaN if it is not measured.
+        tolerance: Distance from a start that is no error, m.
     """
 
     source: str
     position: tuple[float, float, float]
     yaw: float
+    tolerance: float = MAX_START_ERROR
 
 
 def fitness(
@@ -150,7 +153,8 @@ def readiness(
         yield Finding(name, "level", Severity.OK, f"tilted by {degrees}")
     yield from _stations(name, drone)
     if placement is None and drone.knows_map:
-        placement = Placement("its estimator", drone.position, drone.yaw)
+        tolerance = MAX_START_ERROR if drone.stations.get("Lighthouse4") else MAX_RANGED_ERROR
+        placement = Placement("its estimator", drone.position, drone.yaw, tolerance)
     yield _start(agent, placement)
 
 
@@ -247,7 +251,7 @@ def _start(agent: Agent, placement: Placement | None) -> Finding:
     error = math.hypot(placement.position[0] - x, placement.position[1] - y)
     turn = abs(float(wrap_angle(placement.yaw - agent.yaw)))
     turned = "" if math.isnan(turn) else f" and {math.degrees(turn):.0f}°"
-    if error <= MAX_START_ERROR and not turn > MAX_YAW_ERROR:
+    if error <= placement.tolerance and not turn > MAX_YAW_ERROR:
         text = f"{error:.2f} m{turned} from {planned}, by {placement.source}"
         return Finding(agent.name, "start", Severity.OK, text)
     text = f"stands at [{placement.position[0]:.2f}, {placement.position[1]:.2f}]"

@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from star_fleet.conditions import Condition
+from star_core.testing import scene
+from star_fleet.conditions import Condition, with_receivers
 from star_fleet.packet import Port, compress
 
 Start = Callable[..., Any]
@@ -123,13 +125,23 @@ def test_a_flight_after_a_new_start_is_in_the_new_frame(start: Start) -> None:
     assert bench.position == pytest.approx([0.5, 0.0, 0.8], abs=0.03)
 
 
+@pytest.mark.parametrize("system", ["lighthouse", "loco"])
 @pytest.mark.parametrize(("enabled", "expected"), [(1, (2.0, 1.0)), (0, (0.0, 0.0))])
-def test_a_parameter_switches_lighthouse_off(
-    start: Start, enabled: int, expected: tuple[float, float]
+def test_a_parameter_switches_receivers_off(
+    start: Start, system: str, enabled: int, expected: tuple[float, float]
 ) -> None:
-    bench = start(conditions={0: frozenset({Condition.LIGHTHOUSE})})
+    bench = start(conditions={0: frozenset({Condition(system)})})
     drone = bench.fleet.simulator.drones[0]
     drone["position"][:2] = 2.0, 1.0
-    bench.write("lighthouse.enableEst", "B", enabled)
+    bench.write(f"{system}.enableEst", "B", enabled)
     bench.write("kalman.resetEstimation", "B", 1)
     assert tuple(believed(bench)[:2]) == pytest.approx(expected, abs=0.02)
+
+
+@pytest.mark.parametrize("system", ["lighthouse", "loco", "poses"])
+def test_drones_of_missions_with_receivers_know_the_map(system: str) -> None:
+    here = replace(scene(2), onboard_system=system)
+    silent = frozenset({Condition.NO_STATIONS})
+    conditions = with_receivers({1: silent}, here)
+    assert conditions == {0: frozenset({Condition(system)}), 1: silent}
+    assert with_receivers({1: silent}, scene(2)) == {1: silent}

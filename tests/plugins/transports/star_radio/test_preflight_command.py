@@ -66,6 +66,20 @@ def findings(placement: Placement | None = None, **differs: Any) -> dict[str, Fi
     return {finding.check: finding for finding in found}
 
 
+@pytest.mark.parametrize(
+    ("deck", "x", "severity"),
+    [
+        ("Lighthouse4", 1.14, Severity.OK),
+        ("Lighthouse4", 1.3, Severity.ERROR),
+        ("Loco", 1.3, Severity.OK),
+        ("Loco", 1.5, Severity.ERROR),
+    ],
+)
+def test_starts_are_compared_as_the_deck_can(deck: str, x: float, severity: Severity) -> None:
+    found = findings(position=(x, 0.0, 0.0), yaw=math.pi, stations={deck: 3})
+    assert found["start"].severity == severity
+
+
 def test_each_injected_fault_is_named_and_no_other(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
