@@ -40,7 +40,7 @@ def test_what_flies_is_the_wheel_and_not_the_checkout(run: Run, bin_folder: Path
 
 
 def test_plugins_of_every_kind_fly_together_and_are_recorded(run: Run, mission: Path) -> None:
-    inner = "{use: offset, of: {use: onboard, max_report_age: 0.3}, by: [0.1, 0, 0]}"
+    inner = "{use: offset, of: {use: odometry, max_report_age: 0.3}, by: [0.1, 0, 0]}"
     change(mission, "localizer: flow", f"localizer: {inner}")
     change(mission, "planner: straight", "planner: {use: low, top: 1.3}")
     change(mission, "  - land: {}", "  - external: {planner: orbit}\n  - land: {}")
@@ -119,7 +119,7 @@ def test_all_are_listed_with_their_distribution_and_options(run: Run) -> None:
         "star-low:low": ("planner", ["top"]),
         "star-nod:nod": ("task", ["height"]),
         "star-offset:offset": ("localizer", ["of", "by"]),
-        "star-onboard:onboard": ("localizer", ["max_report_age"]),
+        "star-odometry:odometry": ("localizer", ["max_report_age"]),
         "star-orbit:orbit": ("external_planner", []),
         "star-outcomes:outcomes": ("command", []),
         "star-points:points": ("transport", ["battery"]),
