@@ -18,7 +18,7 @@ _HINTS = dict.fromkeys(
 def star_formats() -> Iterator[FormatSpec]:
     yield FormatSpec(
         name="original-star",
-        summary="Files and folders of the original STAR, of Crazyswarm2 and of Crazyswarm.",
+        summary="Files and folders of the original STAR, Crazyswarm2, Crazyswarm; base stations.",
         recognizes=deferred("star_import.sources:recognizes"),
         load=deferred("star_import.folder:load"),
         check=deferred("star_import.folder:check"),

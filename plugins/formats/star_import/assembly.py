@@ -11,6 +11,7 @@ from typing import Final
 
 from star_core import InputError, Registry, load
 from star_core.toolkit import actions
+from star_import.beacons import Beacon, beacons, system
 from star_import.calibration import Calibration, calibration
 from star_import.config import Config, config
 from star_import.import_log import ImportLog, show
@@ -100,15 +101,24 @@ def assemble(
             commands = records(sources.mission[1], [robot.name for robot in swarm], log)
     cameras = _calibrations(sources, log)
     measured = capture(sources.capture[1] if sources.capture else None, swarm, log)
-    _check_positions(built, printed, swarm, commands, log)
+    received = beacons(
+        sources.stations[1] if sources.stations else None,
+        sources.anchors[1] if sources.anchors else None,
+        log,
+    )
+    _check_positions(built, printed, swarm, commands, received, log)
     flown = options.trajectories.flown(sources, swarm, log, direct=options.direct)
     log.raise_problems()
     _log_sources(sources, log)
     points = corners(built, printed) + [robot.start[:2] for robot in swarm]
     points += _reached(commands, numbers, len(swarm))
-    fence = options.fence or around(points or [(0.0, 0.0)], WIDE if flown.agents else MARGIN)
+    if received and not points:
+        fence = options.fence or _between(received, log)
+    else:
+        fence = options.fence or around(points or [(0.0, 0.0)], WIDE if flown.agents else MARGIN)
     name = _named(options.name or sources.paths[0].stem)
-    world = _named(sources.environment[0].stem if sources.environment else f"{name}-room")
+    room_name = f"{name}-room" if swarm else name
+    world = _named(sources.environment[0].stem if sources.environment else room_name)
     exact = options.as_executed or _crowded(swarm, commands, numbers)
     output = OutputFiles(
         made_of=", ".join(path.name for path in sources.paths),
@@ -117,6 +127,7 @@ def assemble(
         room=fence,
         walls=built,
         sheets=printed,
+        beacons=received,
         virtual=_virtual(built, printed, options, log, exact=exact),
         copies=flown.copies,
         written=flown.lines,
@@ -139,6 +150,7 @@ def assemble(
         cameras=cameras,
         pitch_deg=numbers.pitch_deg if sources.config else None,
         capture=measured,
+        onboard="" if measured else system(received, log),
         reactions=_reactions(printed if commands else [], numbers, speed),
     )
     _log_choices(frame, sources, swarm, options, fence, log)
@@ -254,12 +266,14 @@ def _check_positions(
     printed: Sequence[Sheet],
     swarm: Sequence[Robot],
     commands: Sequence[Record],
+    received: Sequence[Beacon],
     log: ImportLog,
 ) -> None:
     """Add positions that are too far away to the problems of `log`."""
     points_by_location = [(wall.location, corners([wall], [])) for wall in built]
     points_by_location += [(sheet.location, corners([], [sheet])) for sheet in printed]
     points_by_location += [(robot.location, [robot.start[:2]]) for robot in swarm]
+    points_by_location += [(beacon.location, [beacon.position[:2]]) for beacon in received]
     points_by_location += [
         (record.location, [record.point[:2]])
         for record in commands
@@ -270,6 +284,21 @@ def _check_positions(
             log.problems.append(
                 f"{location}: a position is more than {FARTHEST:g} m from the origin"
             )
+
+
+def _between(received: Sequence[Beacon], log: ImportLog) -> Room:
+    """Return the room between base stations and anchors.
+
+    Raises:
+        InputError: They span none.
+    """
+    room = around([beacon.position for beacon in received], 0.0)
+    where = received[0].location
+    if min(b - a for a, b in zip(room.low[:2], room.high[:2], strict=True)) < MARGIN:
+        text = f"{where}: these span no room; give its fence by --fence X Y Z X2 Y2 Z2"
+        raise InputError(text, "missing-option")
+    log.assumed(where, f"the fence is from {show(room.low)} to {show(room.high)} m, between them")
+    return room
 
 
 def _swarm(sources: Sources, options: ImportOptions, log: ImportLog) -> list[Robot]:
@@ -344,12 +373,13 @@ def _log_choices(
             f"{'as executed' if options.as_executed else why}: positions are treated as exact "
             "(uncertainty_margin 0), and nothing warns of their drift",
         )
-    if system := positioning(swarm):
+    if (used := positioning(swarm)) and not frame.onboard:
         localizer = "apriltag" if frame.landmarks else "flow"
         log.changed(
             swarm[0].location,
-            f"the swarm was localized by {system}; it is flown by `{localizer}`, which needs a "
-            "Flow deck on each drone; see localizer `mocap` for the alternative",
+            f"the swarm was localized by {used}; it is flown by `{localizer}`, which needs a "
+            "Flow deck on each drone; with the file of its base stations or anchors it is flown "
+            "by `onboard`",
         )
     if sources.mission:
         log.assumed(

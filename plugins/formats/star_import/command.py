@@ -100,8 +100,9 @@ def configure(line: argparse.ArgumentParser) -> None:
     line.description = (
         "Convert files of the original STAR (its launch folder, or any of its files), of "
         "Crazyswarm2 (crazyflies.yaml, motion_capture.yaml, trajectories) and of Crazyswarm "
-        "(allCrazyflies.yaml, crazyflieTypes.yaml) to missions and their worlds, and list what "
-        "was refused, changed, assumed and ignored."
+        "(allCrazyflies.yaml, crazyflieTypes.yaml) to missions and their worlds, and base stations "
+        "and anchors that the Crazyflie client saved to worlds; list what was refused, changed, "
+        "assumed and ignored."
     )
     line.add_argument(
         "files", nargs="+", metavar="FILE", help="files and folders to import, in any order"

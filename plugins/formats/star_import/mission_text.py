@@ -37,6 +37,7 @@ class Frame:
         cameras: Calibrations of cameras.
         pitch_deg: How far down cameras look, degrees; None for the default.
         capture: The motion-capture system that localizes the swarm, if one does.
+        onboard: The positioning system whose receivers are on board, if there is one.
         reactions: Lines under ``on:``.
     """
 
@@ -54,6 +55,7 @@ class Frame:
     cameras: Sequence[Calibration] = ()
     pitch_deg: float | None = None
     capture: Capture | None = None
+    onboard: str = ""
     reactions: Sequence[Line] = field(default_factory=list)
 
 
@@ -157,6 +159,9 @@ def _cameras(frame: Frame, robots: Sequence[Robot], log: ImportLog) -> Iterator[
 
 
 def _localizer(frame: Frame) -> Iterator[Line]:
+    if frame.onboard:
+        yield Line(f"localizer: {{use: onboard, system: {frame.onboard}}}")
+        return
     if frame.capture is None:
         yield Line(f"localizer: {'apriltag' if frame.landmarks else 'flow'}")
         return
@@ -231,6 +236,8 @@ def _simulated(
         log.changed(robots[0].location, text)
     if frame.capture is not None:
         yield f"positioning: {{std: {STD}}}"
+    if frame.onboard:
+        yield f"onboard: {{system: {frame.onboard}}}"
     if decks and not frame.tags:
         yield 'camera: {mode: "off"}'
     elif frame.tags and not frame.landmarks and frame.capture is None:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from star_core import InputError, Registry, load
+from star_import.beacons import Beacon
 from star_import.import_log import show
 from star_import.obstacles import Wall
 from star_import.tags import Sheet
@@ -31,6 +32,7 @@ class OutputFiles:
         room: Its fence.
         walls: Its obstacles.
         sheets: Its tags.
+        beacons: Its base stations and anchors.
         virtual: Names of the obstacles that are virtual.
         steps: Lines of the mission.
         copies: Files to be copied, by their path in the folder.
@@ -44,6 +46,7 @@ class OutputFiles:
     room: Room
     walls: Sequence[Wall]
     sheets: Sequence[Sheet]
+    beacons: Sequence[Beacon]
     virtual: frozenset[str]
     steps: Sequence[Line] = ()
     copies: Mapping[str, Path] = field(default_factory=dict)
@@ -122,8 +125,9 @@ class OutputFiles:
         if self.walls:
             lines.append(Line("obstacles:"))
             lines += [wall.line(virtual=wall.name in self.virtual) for wall in self.walls]
-        for kind in ("landmarks", "targets"):
-            of_kind = [sheet.line() for sheet in self.sheets if sheet.kind == kind]
+        for kind in ("landmarks", "targets", "base_stations", "anchors"):
+            listed: tuple[Sheet | Beacon, ...] = (*self.sheets, *self.beacons)
+            of_kind = [item.line() for item in listed if item.kind == kind]
             lines += [Line(f"{kind}:"), *of_kind] if of_kind else []
         return lines
 

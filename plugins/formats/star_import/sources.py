@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final, TypeAlias
@@ -24,11 +24,12 @@ SORTS: Final[Mapping[str, frozenset[str]]] = {
     "calibration": frozenset({"camera_matrix"}),
     "capture": frozenset({"/motion_capture_tracking", "motion_capture_tracking"}),
     "server": frozenset({"/crazyflie_server", "crazyflie_server"}),
+    "stations": frozenset({"geos"}),
 }
 """Kinds of files, and the keys at the top by which they are recognized."""
-SINGLE: Final = ("robots", "types", "config", "tags", "capture", "server")
+SINGLE: Final = ("robots", "types", "config", "tags", "capture", "server", "stations", "anchors")
 """Kinds of which a mission has one file at most, its environment apart."""
-FLOWN: Final = {"mission", "environment", "robots"}
+FLOWN: Final = {"mission", "environment", "robots", "stations", "anchors"}
 OWN: Final = frozenset({"star", "mission", "swarm", "world", "agents", "drones"})
 """Keys of STAR's own files."""
 KEY: Final = re.compile(rb"^(/?[A-Za-z_0-9]+)[ \t]*:", re.MULTILINE)
@@ -51,6 +52,8 @@ class Sources:
         tags: The configuration of its detector of tags, and its path.
         capture: The motion-capture system, and its path.
         server: Options of Crazyswarm2's server and simulator, and their path.
+        stations: Geometry of Lighthouse base stations, and its path.
+        anchors: Positions of Loco anchors, and their path.
         calibrations: Cameras, and their paths.
         trajectories: Paths of polynomial trajectories.
         others: Paths of files that are none of these.
@@ -65,6 +68,8 @@ class Sources:
     tags: File | None = None
     capture: File | None = None
     server: File | None = None
+    stations: File | None = None
+    anchors: File | None = None
     calibrations: Sequence[File] = ()
     trajectories: Sequence[Path] = ()
     others: Sequence[Path] = ()
@@ -74,7 +79,8 @@ class Sources:
     def paths(self) -> list[Path]:
         """The files that are known, each once, that with content to fly first."""
         files = (self.mission, self.environment, self.robots, self.types, self.config, self.tags,
-                 self.capture, self.server, *self.calibrations)  # fmt: skip
+                 self.capture, self.server, self.stations, self.anchors,
+                 *self.calibrations)  # fmt: skip
         listed = [*(source[0] for source in files if source), *self.trajectories]
         return list(dict.fromkeys(listed))
 
@@ -121,8 +127,8 @@ def sorted_out(paths: Sequence[Path], registry: Registry) -> Files:
     if not files.by_sort and not files.trajectories:
         raise InputError(
             f"{', '.join(map(str, paths))}: contains none of 'command_sequence', 'environment', "
-            "'april_tags' (the original STAR), 'robots' (Crazyswarm2) and 'crazyflies' "
-            "(Crazyswarm)",
+            "'april_tags' (the original STAR), 'robots' (Crazyswarm2), 'crazyflies' (Crazyswarm) "
+            "and 'geos' (Lighthouse), and no numbers of Loco anchors",
             "wrong-file",
         )
     return files
@@ -146,7 +152,15 @@ def sorts_of(path: Path) -> set[str]:
             keys = {key.decode() for key in KEY.findall(stream.read(LONGEST))}
     except OSError:
         return set()
-    sorts = set() if keys & OWN else {sort for sort, marks in SORTS.items() if keys & marks}
+    return set() if keys & OWN else _sorts(keys)
+
+
+def _sorts(keys: Collection[str]) -> set[str]:
+    """Return what kinds of files have these keys at the top."""
+    sorts = {sort for sort, marks in SORTS.items() if not marks.isdisjoint(keys)}
+    if keys and all(key.isdigit() for key in keys):
+        sorts = {"anchors"}
+    # its list of commands is a default that no flight has
     return {"config"} if "config" in sorts else sorts
 
 
@@ -183,10 +197,7 @@ def _add(files: Files, path: Path, registry: Registry, *, named: bool) -> None:
     sorts = sorts_of(path)
     if named:
         files.values[path] = value = format_function("values", registry)(path)
-        keys = value.map().keys()
-        sorts = {sort for sort, marks in SORTS.items() if keys & marks}
-        if "config" in sorts:  # its list of commands is a default that no flight has
-            sorts = {"config"}
+        sorts = _sorts(value.map())
     for sort in sorts:
         of_sort = files.by_sort.setdefault(sort, [])
         if path not in of_sort:

@@ -195,7 +195,8 @@ def test_a_tag_for_something_else_is_left_out_and_reported(place: Put, take: Imp
          "maximum of 586 [out-of-range]"),
         ("a: 1\n",
          "lab.yaml: contains none of 'command_sequence', 'environment', 'april_tags' (the original "
-         "STAR), 'robots' (Crazyswarm2) and 'crazyflies' (Crazyswarm) [wrong-file]"),
+         "STAR), 'robots' (Crazyswarm2), 'crazyflies' (Crazyswarm) and 'geos' (Lighthouse), and no "
+         "numbers of Loco anchors [wrong-file]"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_expressed_is_refused_with_its_place(

@@ -18,7 +18,8 @@ Swarm = Callable[..., list[str]]
 IMPORTED = Path("imported/crazyflies.yaml")
 WARNING = (
     "changed crazyflies.yaml:2:8: the swarm was localized by {}; it is flown by `{}`, which "
-    "needs a Flow deck on each drone; see localizer `mocap` for the alternative"
+    "needs a Flow deck on each drone; with the file of its base stations or anchors it is flown by "
+    "`onboard`"
 )
 TAGS = """\
 april_tags:
