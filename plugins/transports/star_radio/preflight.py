@@ -113,6 +113,7 @@ def readiness(
     camera: bool,
     battery_low: float,
     placement: Placement | None,
+    needs_map: bool = False,
 ) -> Iterator[Finding]:
     """Yield what was found of one drone, except of its camera.
 
@@ -122,6 +123,7 @@ def readiness(
         camera: Whether the mission uses its camera.
         battery_low: V, below which it is not started.
         placement: Where a positioning system outside of it measures it, if there is one.
+        needs_map: Whether the mission's localizer takes positions of estimators that know the map.
     """
     name = agent.name
     if drone.quality < MIN_QUALITY:
@@ -151,7 +153,7 @@ def readiness(
         yield Finding(name, "level", Severity.WARNING, text, remedy)
     else:
         yield Finding(name, "level", Severity.OK, f"tilted by {degrees}")
-    yield from _stations(name, drone)
+    yield from _stations(name, drone, needs_map=needs_map)
     if placement is None and drone.knows_map:
         tolerance = MAX_START_ERROR if drone.stations.get("Lighthouse4") else MAX_RANGED_ERROR
         placement = Placement("its estimator", drone.position, drone.yaw, tolerance)
@@ -229,7 +231,7 @@ def _decks(
     yield Finding(agent, "decks", severity, f"{', '.join(lacking)} (decks: {listed})", remedy)
 
 
-def _stations(agent: str, drone: Inspection) -> Iterator[Finding]:
+def _stations(agent: str, drone: Inspection, *, needs_map: bool) -> Iterator[Finding]:
     """Yield what the positioning systems on board receive."""
     for deck, bits in drone.stations.items():
         if bits:
@@ -237,7 +239,7 @@ def _stations(agent: str, drone: Inspection) -> Iterator[Finding]:
             yield Finding(agent, "positioning", Severity.OK, text)
             continue
         others = set(POSITION_DECKS) & set(drone.equipment.decks or ()) - {*drone.stations}
-        severity = Severity.WARNING if others else Severity.ERROR
+        severity = Severity.WARNING if others and not needs_map else Severity.ERROR
         remedy = "switch the stations on, in sight, and write their geometry to the drone"
         yield Finding(agent, "positioning", severity, f"{deck}: uses no station", remedy)
 

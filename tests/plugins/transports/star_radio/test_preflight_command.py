@@ -80,6 +80,16 @@ def test_starts_are_compared_as_the_deck_can(deck: str, x: float, severity: Seve
     assert found["start"].severity == severity
 
 
+@pytest.mark.parametrize(("needs_map", "severity"), [(False, Severity.WARNING), (True, "error")])
+def test_missing_stations_are_errors_if_they_locate(needs_map: bool, severity: str) -> None:  # noqa: FBT001 -- pytest
+    drone = dataclasses.replace(FIT, equipment=LIGHTHOUSE, stations={"Lighthouse4": 0})
+    listed = preflight.readiness(
+        AGENT, drone, camera=False, battery_low=3.2, placement=None, needs_map=needs_map
+    )
+    found = {finding.check: finding for finding in listed}
+    assert found["positioning"].severity == severity
+
+
 def test_each_injected_fault_is_named_and_no_other(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
