@@ -11,6 +11,7 @@ from star_core import AgentPhase, Array, Mission, Obstacle, Problem, Registry
 from star_core.toolkit import OBSTACLE_CLEARANCE, Rehearsal
 
 GROUND: Final = (AgentPhase.GROUNDED, AgentPhase.TAKING_OFF)
+ROUNDING: Final = 1e-9  # m
 SAME: Final = 0.1  # m in the plane: a landing nearer than this to the agent's start is at its start
 
 
@@ -37,7 +38,7 @@ def near_obstacle_problems(
             continue
         start = rehearsal.position[0, row]
         near = _nearest(obstacles, start, _top(rehearsal, row, int(flies[0])))
-        if near[0] < kept:
+        if near[0] < kept - ROUNDING:
             yield Problem(
                 ("swarm", agent.name, "start"),
                 f"{agent.name} starts {near[0]:.2f} m from obstacle {near[1]!r}, nearer than "
@@ -62,7 +63,7 @@ def _landings(
         if np.hypot(*(place[-1] - start)[:2]) <= SAME:
             continue
         away, name = _nearest(obstacles, place[-1], float(place[:, 2].max()))
-        if away < kept:
+        if away < kept - ROUNDING:
             yield Problem(
                 step.action.at,
                 f"{agent.name} lands {away:.2f} m from obstacle {name!r}, nearer than {kept:g} m: "

@@ -13,7 +13,12 @@ from star_mocap.source import MocapSourceSpec, system_options
 if TYPE_CHECKING:
     from star_core import Registry, Scene
 
-HOST: Mapping[str, Any] = {"type": "string", "minLength": 1, "description": "Host of the server."}
+HOST: Mapping[str, Any] = {
+    "type": "string",
+    "minLength": 1,
+    "description": "Host of the server.",
+    "examples": ["192.168.1.10"],
+}
 PORT: Mapping[str, Any] = {"type": "integer", "minimum": 1, "maximum": 65535}
 
 OPTIONS: dict[str, Any] = {
@@ -207,6 +212,7 @@ def star_mocap_sources() -> Iterable[MocapSourceSpec]:
                     "minLength": 1,
                     "description": "CSV file with the columns time,body,x,y,z,qx,qy,qz,qw; a "
                     "marker has no body and no quaternion.",
+                    "examples": ["poses.csv"],
                 },
                 "repeat": {
                     "type": "boolean",

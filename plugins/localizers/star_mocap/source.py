@@ -111,7 +111,7 @@ def system_options(registry: Registry) -> dict[str, Any]:
                 for name, offer in sources.items()
             },
             "description": "The motion-capture system that is connected to: one source and its "
-            "options.",
+            "options. Needed with a transport that measures no positions.",
             "examples": [{"natnet": {"host": "192.168.1.10"}}],
         },
         "bodies": {

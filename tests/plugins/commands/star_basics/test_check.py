@@ -134,7 +134,7 @@ def test_without_corrected_heights_every_edge_is_one() -> None:
 
 def test_a_planner_leads_over_an_obstacle_or_around_it() -> None:
     changes = (*RANGER, "planner=visibility")
-    low, wide = WALL.replace("[0, 2]", "[0, 1.2]"), "size: [4, 0.1]"
+    low, wide = WALL.replace("[0, 2]", "[0, 1.3]"), "size: [4, 0.1]"
     assert "[over-obstacle]" not in "".join(warnings(world=low, changes=changes))  # around
     *_, over = warnings(world=low.replace("size: [1, 0.1]", wide), changes=changes)
     assert "cf1 flies over obstacle 'wall'" in over

@@ -64,4 +64,6 @@ def test_all_are_listed_with_a_description(capsys: pytest.CaptureFixture[str]) -
     lines = capsys.readouterr().out.splitlines()
     listed = [found[1] for line in lines if (found := re.match(r"  (\S+)  +[A-Z0-9]", line))]
     assert listed == list(shipped_files())
-    assert "  first_flight   Three drones take off, swap places across the room" in "\n".join(lines)
+    assert any(
+        re.match(r"  first_flight +Three drones take off, swap places across", x) for x in lines
+    )
