@@ -102,7 +102,7 @@ class TransportSpec(MissionSpec):
             advances in ``wait`` only is not. Plugins read it in `Scene.realtime`.
         heights_above_surface: ``heights_above_surface(**options)`` returns whether the on-board
             estimators take what is below for the floor, as they do with a Flow deck; None if they
-            always do.
+            always do. Localizers read it in `Scene.heights_above_surface`.
         exact_odometry: ``exact_odometry(**options)`` returns whether odometry has no error, as in a
             simulation without noise; None if it never is exact. Localizers read it in
             `Scene.exact_odometry`.

@@ -102,7 +102,7 @@ class SurfaceHeights:
         n = len(scene.agents)
         self._agents, self._obstacles = scene.agents, scene.world.obstacles
         self._ground = np.array([agent.start[2] for agent in scene.agents])
-        self._exact = scene.exact_odometry
+        self._exact = scene.exact_odometry or not scene.heights_above_surface
         self._state = np.full((n, STATES), np.nan)
         self._state[:, [OFFSET, BIAS]] = 0.0
         self._doubt = np.zeros(n)  # m², variance by the surface

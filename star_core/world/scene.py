@@ -70,6 +70,7 @@ class Scene:
         realtime: Whether mission time advances by itself, so that no plugin may wait.
         exact_odometry: Whether the agents start where they are expected and their odometry has no
             error, as in a simulation without noise.
+        heights_above_surface: Whether on-board estimators may take what is below for the floor.
         detects_tags: Whether cameras send corners of tags, `Telemetry.detections`, not images.
         measures_positions: Whether a positioning system measures positions: `Telemetry.fixes`.
         measurement_errors: Standard deviation of these along each axis, m, and the longest time
@@ -89,6 +90,7 @@ class Scene:
     seed: int = 0
     realtime: bool = False
     exact_odometry: bool = False
+    heights_above_surface: bool = True
     detects_tags: bool = False
     measures_positions: bool = False
     measurement_errors: tuple[float, float] | None = None

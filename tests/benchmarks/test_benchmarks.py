@@ -78,6 +78,9 @@ SCRIPTS = {
         "--runs 1 --only sigkill", campaign="real time", prints="sigkill"
     ),
     "tests.fuzz.guided_fuzzing": Small("yaml -runs=10", needs=("atheris",), prints=""),
+    "heights": Small(
+        "--seeds 1 --tops 0.3 --clearances 0.3 --widths 1.0", campaign="10 s", prints="0.3 m"
+    ),
     "identify": Small(str(FLIGHTS), needs=(FLIGHTS,), campaign="20 s", prints="|"),
     "imu_errors": Small(str(FLIGHTS), needs=(FLIGHTS,), campaign="20 s", prints="|"),
     "landmarks": Small(campaign="60 s", sizes={"MINUTES": 2.0}),
@@ -88,7 +91,12 @@ SCRIPTS = {
     "tests.campaign.link_cuts": Small(
         "--flights 1 --processes 1 --phases landing --lengths 0.3", prints="landing"
     ),
+    "tests.campaign.imported": Small("--seeds 1 --no-flights", prints="imported"),
+    "tests.campaign.mocap": Small(
+        "--flights 1 --passing 1 --only passing", campaign="a process", prints="1 of 1"
+    ),
     "tests.campaign.mutants": Small("--only none-of-them", prints="0"),
+    "tests.campaign.onboard": Small("--flights 1", campaign="20 s", prints="lighthouse"),
     "orca": Small("--json --agents 10", {"DRAWN": 20, "ROUNDS": 1}, needs=("pyrvo",)),
     "planner": Small(sizes={"POLYGONS": 4, "ROUNDS": 1, "BUILDS": 1, "QUERIES": 5}),
     "radio": Small(
@@ -122,6 +130,7 @@ SCRIPTS = {
     "tick_cost": Small("--json --agents 3 --flights 1", {"ROUNDS": 1}),
     "tick_files": Small("--json"),
     "tests.campaign.touchdowns": Small("--flights 1 --ways radio --cases normal", prints="normal"),
+    "tracking": Small("missions/paths/eight.csv --seeds 1", campaign="10 s", prints="expected"),
     "view": Small("--json --rounds 1", campaign="real time"),
 }
 PARTS = {
@@ -130,6 +139,7 @@ PARTS = {
     "small_tags",
     "tests.campaign.fault_cells",
     "tests.campaign.fault_flight",
+    "tests.campaign.mocap_fleet",
 }
 
 

@@ -88,7 +88,8 @@ def test_what_star_offers_itself_is_sound(kind: str, found: Found) -> None:
     assert sound(kind, found.offer) == found.offer
     for option in getattr(found.offer, "options", {}).get("properties", {}).values():
         assert option["description"]
-        assert kind in {"task", "transport"} or "default" in option
+        optional = "default" in option or "Needed with" in option["description"]
+        assert kind in {"task", "transport", "mocap_source"} or optional
         default = [option["default"]] if "default" in option else []
         for value in option.get("examples", []) + default:
             Draft202012Validator(option).validate(value)

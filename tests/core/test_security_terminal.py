@@ -31,8 +31,10 @@ COMMANDS: dict[str, list[str]] = {
     "ablate": ["@/study.yaml --out @/study --workers 1", "@/missing.yaml"],
     "bench": ["--write-only --out @/bench --agents 2", "--scenarios @"],
     "calibrate": ["camera @/missing.png --out @/camera.yaml"],
+    "camera": ["@", "cf1 --mission @/missing.yaml"],
     "check": ["@/hop.yaml", "@/missing.yaml", "@/wrong.yaml", "@/hop.yaml --set @=1"],
     "errors": ["@"],
+    "evaluate": ["@/run", "@/missing", "@/run --truth @/missing.csv"],
     "explain": ["@/hop.yaml", "@/missing.yaml"],
     "export": ["@/run --format csv", "@/missing --format tum"],
     "fleet": ["@/hop.yaml --port 0 --duration 0.01 --no-cameras", "@/missing.yaml"],
@@ -46,6 +48,7 @@ COMMANDS: dict[str, list[str]] = {
     "report": ["@/run", "@/run --out @/missing/report.html", "@/study"],
     "scan": ["@/missing.yaml", "radio://@"],
     "schema": ["--out @/missing/schema.json", "@"],
+    "script": ["@/missing.py --swarm @/hop.yaml", "@/wrong.yaml --swarm @/missing.yaml"],
     "stop": ["@"],
     "tags": ["@/arena.yaml --out @/tags.pdf", "@/missing.yaml"],
     "view": ["@/missing.yaml", "@/missing --port 0"],
@@ -54,6 +57,7 @@ COMMANDS: dict[str, list[str]] = {
 SILENT = {
     ("fleet", "@/hop.yaml --port 0 --duration 0.01 --no-cameras"),
     ("explain", "@/hop.yaml"),
+    ("evaluate", "@/run"),
 }
 """Those that print no name."""
 

@@ -191,9 +191,12 @@ def legacy(folder: Path) -> Iterator[Try]:
         for name, text in LEGACY.items():
             content = text.encode()
             paths[name].write_bytes(spoiled(content, draw) if name == changed else content)
+        (out / "m.yaml").unlink(missing_ok=True)
         said = StringIO()
         with redirect_stdout(said):
             found = outcome(lambda: import_files(arguments), IMPORTED)
+        if found == "good" and not (out / "m.yaml").exists():
+            return "not recognized as a mission"
         if found == "good":
             _assert_no_command_is_dropped(paths["m.yaml"], out / "m.yaml")
         return found

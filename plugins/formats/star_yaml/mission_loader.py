@@ -138,7 +138,8 @@ def _transport_properties(choice: Mapping[str, Any], registry: Registry) -> dict
         return {}
     offer, properties = plugin.offer, {"realtime": bool(plugin.offer.realtime)}
     options = fill_defaults(_options(choice), offer.options)  # some of them may be refused
-    for name in ("exact_odometry", "detects_tags", "measures_positions"):
+    flags = "exact_odometry", "heights_above_surface", "detects_tags", "measures_positions"
+    for name in flags:
         if (holds := getattr(offer, name)) is not None:
             with PluginGuard(f"transport {offer.name!r} ({plugin.source})"):
                 properties[name] = bool(holds(**options))

@@ -462,8 +462,8 @@ def test_a_seed_or_a_speed_that_is_none_is_refused(
     [
         ("chekc", "did you mean 'check'?"),
         ("rnu", "did you mean 'run'?"),
-        ("fly", "there are: ablate, bench, calibrate, check, "),
-        ("", "there are: ablate, bench, calibrate, check, "),
+        ("fly", "there are: ablate, bench, calibrate, camera, "),
+        ("", "there are: ablate, bench, calibrate, camera, "),
     ],
 )
 def test_an_unknown_command_is_refused_with_a_list(

@@ -182,7 +182,7 @@ def test_descriptions_fit_the_terminal(columns: str, monkeypatch: pytest.MonkeyP
         ("mcap", {("command", "recover"), ("observer", "mcap")}),
         (
             "localizers",
-            {("localizer", "apriltag"), ("localizer", "flow"), ("localizer", "mocap")},
+            {("localizer", name) for name in ("apriltag", "flow", "mocap", "onboard")},
         ),
     ],
 )

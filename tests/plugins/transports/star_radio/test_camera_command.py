@@ -85,27 +85,6 @@ def test_the_detected_tag_has_its_number_and_corners(deck: AideckServer) -> None
     assert tags.corners[0] == pytest.approx(expected, abs=1.5)
 
 
-@pytest.mark.parametrize(
-    ("path", "headers"),
-    [
-        ("/", {}),
-        ("/picture", {}),
-        ("/wrong-token-of-some-length/", {}),
-        ("TOKEN", {"Host": "evil.example:80"}),
-        ("TOKEN", {"Origin": "http://evil.example"}),
-        ("TOKENpicture", {"Origin": "null"}),
-    ],
-)
-def test_foreign_requests_are_forbidden(server: Server, path: str, headers: dict[str, str]) -> None:
-    path = path.replace("TOKEN", f"/{server.token}/")
-    assert get(server, path, **headers).status == 403
-
-
-def test_the_page_is_served_on_the_loopback_interface_only(server: Server) -> None:
-    assert server.server_address[0] == "127.0.0.1"
-    assert server.address.startswith("http://127.0.0.1:")
-
-
 def test_a_name_is_looked_up_in_the_mission(tmp_path: Path) -> None:
     world = "star: 1\nname: room\nfence: {low: [-2, -2, 0], high: [2, 2, 2]}\n"
     (tmp_path / "room.yaml").write_text(world)
