@@ -18,6 +18,7 @@ STEP: Final = 0.01  # s
 TILT_LAG: Final = 0.1  # s, with which the drone has the acceleration that is commanded
 MAX_ACCELERATION: Final = 9.81 * math.tan(math.radians(20.0))  # m/s², PID_VEL_ROLL_MAX
 POSITION_GAIN: Final = 2.0  # 1/s, PID_POS_X_KP
+MODELLED: Final = 120.0  # s of a flight: a longer one takes too long in `star check`
 MAX_SPEED: Final = 1.1  # m/s along each axis, of its position control
 
 
@@ -35,7 +36,8 @@ def tracking_error(
 
     The model is that of the firmware's PID controller: an acceleration in proportion to the error
     of the velocity, up to the greatest tilt, and a drone that has it `TILT_LAG` later. Velocities
-    come from `star_core.toolkit.Tracking` each tick, or on board from the error of the position.
+    come from `VelocityLead` each tick, or on board from the error of the position.
+    Of a longer trajectory the first `MODELLED` seconds are modelled.
 
     Args:
         path: The trajectory in its own time.
@@ -43,7 +45,7 @@ def tracking_error(
         period: Of the ticks, s.
         on_board: Whether the drone's commander flies it.
     """
-    time = np.arange(0.0, path.length * timescale, STEP) / timescale
+    time = np.arange(0.0, min(path.length * timescale, MODELLED), STEP) / timescale
     point, velocity = path.at(time)
     velocity /= timescale
     acceleration = path.acceleration(time)[0] / timescale**2
