@@ -154,7 +154,8 @@ class LocalizerSpec(MissionSpec):
         covered: ``covered(scene, position, **options)`` returns where agents can be located, (T,),
             out of positions (T, 3), m; ``star check`` warns of paths that lead elsewhere. None if
             that is everywhere.
-        reads_map: Whether it takes reports of on-board estimators that know the map.
+        reports_in_map: Whether it takes reports of on-board estimators that know the map.
+            Transports read it in `Scene.reports_in_map`.
     """
 
     make: Callable[..., Localizer]
@@ -162,7 +163,7 @@ class LocalizerSpec(MissionSpec):
     edge_clearance: float = 0.0
     drift: Callable[..., Array] | None = None
     covered: Callable[..., Mask] | None = None
-    reads_map: bool = False
+    reports_in_map: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

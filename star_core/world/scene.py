@@ -78,6 +78,8 @@ class Scene:
         onboard_system: Positioning system by which the on-board estimators know the map, so that
             they report in the map frame; None if they start at the origin of their odometry, or if
             that is not known before the flight.
+        reports_in_map: Whether the localizer takes reports of estimators that know the map.
+            Transports then report the variances of their positions.
         folder: The mission's folder; files that a mission names are read from inside it.
         files: The files requested through `file`, by their names in the mission.
         groups: Rows of the agents of each of the mission's groups, by its name, in its order.
@@ -95,6 +97,7 @@ class Scene:
     measures_positions: bool = False
     measurement_errors: tuple[float, float] | None = None
     onboard_system: str | None = None
+    reports_in_map: bool = False
     folder: Path = field(default_factory=Path)
     files: dict[str, Path] = field(default_factory=dict, compare=False, repr=False)
     groups: Mapping[str, tuple[int, ...]] = field(default_factory=dict, hash=False)

@@ -8,13 +8,22 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TypeAlias
+from tempfile import TemporaryDirectory
+from typing import Any, TypeAlias
 
 import numpy as np
 
+from star_core import Registry, fly, load
+from star_core.toolkit import fill_defaults
+from star_fleet.conditions import Condition, with_receivers
+from star_sim import OPTIONS, simulator_arguments
 from tests.campaign.mocap import Accuracy, _silent, accuracy, flown
+from tests.campaign.mocap_fleet import FLOWN, HIGH, ON_FLOOR, Flown
+from tests.end_to_end.virtual_air import Air
+from tests.plugins.transports.star_radio.virtual import virtual
 
 Holds: TypeAlias = Callable[[int], bool]
 SEED = 1000
@@ -27,6 +36,8 @@ SYSTEMS = {
     "poses": (LIGHTHOUSE, POSES),
 }
 BEGINS = 3.5  # s, of a loss: in flight
+ACCURATE = 0.08  # m
+NEAR = 0.4  # m
 
 
 def of_system(seed: int, name: str) -> Accuracy:
@@ -43,11 +54,83 @@ def never_received(seed: int) -> bool:
 
 
 def lost(seed: int) -> bool:
-    """Whether an agent that receives nothing from 3.5 s on is landed before it is 0.5 m off."""
+    """Whether an agent that receives nothing from 3.5 s on is landed before it is 0.4 m off."""
     fault = {"component": "positioning", "mode": "off", "at": BEGINS, "agents": "cf1"}
     flight = flown(LIGHTHOUSE, seed, (), [fault])
     reacted = flight.when("cf1", "position_lost")
     return reacted < np.inf and flight.worst < 0.5
+
+
+def over_fleet(
+    seed: int, *, silent: int | None = None, loss: bool = False
+) -> tuple[dict[str, Any], float, float]:
+    """Fly by Lighthouse over the radio's protocol, on a virtual clock.
+
+    Args:
+        seed: Of the flight.
+        silent: Row of a drone whose receiver receives nothing.
+        loss: Whether that of the first drone receives nothing from 1 s in the air on.
+
+    Returns:
+        The summary, the worst error of an estimate in the air, m, and the greatest height, m.
+    """
+    options = fill_defaults({"onboard": {"system": "lighthouse"}, "speed": 1.0}, OPTIONS)
+    with TemporaryDirectory() as folder:
+        changes = [
+            f"transport={{use: radio, guardian: false, cache: {folder}}}",
+            *(f"swarm.cf{row}.uri=udp://air:{row}" for row in (1, 2)),
+            f"seed={seed}",
+        ]
+        here = replace(load(LIGHTHOUSE, Registry(), changes).scene, onboard_system="lighthouse")
+        silenced = {} if silent is None else {silent: frozenset({Condition.NO_STATIONS})}
+        conditions = with_receivers(silenced, here)
+        air = Air(here, seed=seed, conditions=conditions, **simulator_arguments(**options))
+        flight = Flown(air)
+        risen = np.inf
+
+        def watch() -> None:
+            nonlocal risen
+            flight.highest = max(flight.highest, float(air.height.max()))
+            if air.height[0] > HIGH:
+                risen = min(risen, air.now)
+            if loss and air.now - risen > FLOWN:
+                receivers = air.fleet.simulator.onboard
+                assert receivers is not None
+                receivers.receives[0] = False
+
+        air.watch = watch
+        registry = Registry(flight)
+        try:
+            with virtual(air):
+                flight.summary = fly(load(LIGHTHOUSE, registry, changes), registry)
+        finally:
+            air.fleet.close()
+    return dict(flight.summary), flight.worst, flight.highest
+
+
+def flies_over_fleet(seed: int) -> bool:
+    """Whether a flight over the radio's protocol completes, and is as accurate as simulated."""
+    summary, worst, _ = over_fleet(seed)
+    return summary["outcome"] == "completed" and worst < ACCURATE
+
+
+def never_received_over_fleet(seed: int) -> bool:
+    """Whether no agent takes off while one of them receives nothing, over the protocol."""
+    summary, _, highest = over_fleet(seed, silent=1)
+    return summary["outcome"] != "completed" and highest < ON_FLOOR
+
+
+def lost_over_fleet(seed: int) -> bool:
+    """Whether an agent that receives nothing any more is landed before it is 0.4 m off."""
+    summary, worst, _ = over_fleet(seed, loss=True)
+    lands = any("position_lost" in event["text"] for event in summary["events"])
+    return lands and worst < NEAR
+
+
+HOLDS: tuple[Holds, ...] = (
+    *(never_received, lost),
+    *(flies_over_fleet, never_received_over_fleet, lost_over_fleet),
+)
 
 
 def main() -> None:
@@ -69,7 +152,7 @@ def main() -> None:
                 f"({flights[:, 2].min():.2f}-{flights[:, 2].max():.2f}) |",
                 flush=True,
             )
-        for holds in (never_received, lost):
+        for holds in HOLDS:
             print(f"{holds.__name__}: {sum(pool.map(holds, seeds))} of {len(seeds)}", flush=True)
 
 

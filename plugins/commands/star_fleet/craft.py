@@ -131,6 +131,11 @@ class Craft:
             )
         )
 
+    def receive_positions(self, *, on: bool) -> None:
+        """Let the receiver of a positioning system, if it has one, correct the estimator or not."""
+        if self._simulator.onboard is not None:
+            self._simulator.onboard.receives[self._row] = on
+
     def begin_estimate_in_map(self) -> None:
         """Start the estimator anew, at its pose in the map, as a positioning system measures it."""
         x, y = self._drone["position"][:2].tolist()
@@ -150,4 +155,7 @@ class Craft:
         drone["believed_velocity"] = 0.0
         drone["believed_yaw"] = yaw
         drone["slip"] = cos, -sin
-        self._simulator.fusion.forget(self._simulator.drones, self._row, self._simulator.time)
+        simulator = self._simulator
+        simulator.fusion.forget(simulator.drones, self._row, simulator.time)
+        if simulator.onboard is not None:
+            simulator.fusion.start_unknown(self._row)

@@ -23,7 +23,7 @@ from star_sim.airframe import DRAG_XY, DRAG_Z, GRAVITY, MASS, THRUST_MAX
 from star_sim.attitude import ATTITUDE_GAIN
 from star_sim.drone import OFF
 from star_sim.kernel import report
-from star_sim.transport import Simulator
+from star_sim.transport import HEIGHT_STD, Simulator
 
 U8, U16, U32, I8, I16, I32, FLOAT, HALF = 1, 2, 3, 4, 5, 6, 7, 8  # types
 FORMAT: Final = {U8: "B", U16: "H", U32: "I", I8: "b", I16: "h", I32: "i", FLOAT: "f", HALF: "e"}
@@ -318,6 +318,7 @@ VARIABLES: Final = (
     *_each("kalman", "q1 q2 q3", FLOAT, _column, "attitude"),
     Variable("kalman.varX", FLOAT, _variance(0)),
     Variable("kalman.varY", FLOAT, _variance(1)),
+    Variable("kalman.varZ", FLOAT, lambda readings: np.full(len(readings.drones), HEIGHT_STD**2)),
     *_each("kalman", "varPX varPY varPZ", FLOAT, _velocity_variance),
     Variable("kalman.varD2", FLOAT, _variance(fusion.YAW)),
     Variable("lighthouse.bsActive", U16, _stations),

@@ -114,6 +114,7 @@ class Vehicle:
             self._parameters.put("deck.bcLighthouse4", 1)
         if Condition.LOCO in self._conditions:
             self._parameters.put("deck.bcLoco", 1)
+        craft.receive_positions(on=self._knows_map())
         if self._knows_map():
             craft.begin_estimate_in_map()
         if Condition.FAILED_SELF_TEST in self._conditions:
@@ -292,6 +293,8 @@ class Vehicle:
         """Apply the immediate effect of a written parameter."""
         if name == "stabilizer.controller":
             self._craft.controller = int(self._parameters[name])
+        if name in SWITCHES.values():
+            self._craft.receive_positions(on=self._knows_map())
         if name != "kalman.resetEstimation" or not self._parameters[name]:
             return
         x, y, yaw = (self._parameters[f"kalman.initial{axis}"] for axis in ("X", "Y", "Yaw"))

@@ -1,4 +1,4 @@
-"""Motion capture of an import: the system of ``motion_capture.yaml``, and who is measured by it."""
+"""Motion capture of an import: the system of ``motion_capture.yaml``, and the agents that it measures."""
 
 from __future__ import annotations
 

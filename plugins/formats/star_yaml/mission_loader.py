@@ -73,6 +73,7 @@ def checked(written: Document, registry: Registry, assignments: Sequence[str] = 
         raise InputError(document.in_order(problems))
     data |= {kind: _with_defaults(kind, data[kind], registry) for kind in PIPELINE_KINDS}
     properties = _transport_properties(data["transport"], registry)
+    properties["reports_in_map"] = _reports_in_map(data["localizer"], registry)
     flight = replace(scene(document.path.parent, data, room), **properties)
     uncertain = uncertain_groups(document.data, data)
     builder = StepBuilder(document, refused, flight, uncertain, registry)
@@ -148,6 +149,14 @@ def _transport_properties(choice: Mapping[str, Any], registry: Registry) -> dict
             with PluginGuard(f"transport {offer.name!r} ({plugin.source})"):
                 properties[name] = value(**options)
     return properties
+
+
+def _reports_in_map(choice: Mapping[str, Any], registry: Registry) -> bool:
+    """Return whether a localizer takes reports of on-board estimators that know the map."""
+    try:
+        return bool(registry.find("localizer", choice["use"]).offer.reports_in_map)
+    except PluginError:  # reported as a reference
+        return False
 
 
 def _with_defaults(kind: str, choice: dict[str, Any], registry: Registry) -> dict[str, Any]:

@@ -92,7 +92,7 @@ def found(mission: Mission, options: RadioOptions) -> Iterator[Finding]:
                 camera=agent.name in options.cameras,
                 battery_low=limit,
                 placement=placements.get(row),
-                needs_map=mission.plugins["localizer"].use == "onboard",
+                needs_map=scene.reports_in_map,
             )
         if capture is not None:
             yield preflight.positioning(agent.name, visible=row in placements, why=system)

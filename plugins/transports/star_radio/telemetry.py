@@ -35,6 +35,7 @@ class TelemetryBuffer:
 
     Args:
         vehicles: The drone of each row; one that is not connected has no reports.
+        in_map: Whether they report the variances of their positions.
 
     Attributes:
         last: (N, 13) values of the newest reports; columns of `star_radio.report`.
@@ -43,8 +44,8 @@ class TelemetryBuffer:
         lands_by: (N,) when that ends on the ground, s of the computer's clock.
     """
 
-    def __init__(self, vehicles: Sequence[Vehicle]) -> None:
-        self._vehicles = vehicles
+    def __init__(self, vehicles: Sequence[Vehicle], *, in_map: bool = False) -> None:
+        self._vehicles, self._in_map = vehicles, in_map
         self.last = np.full((len(vehicles), len(report.SOURCES)), np.nan)
         self.over_at = np.full(len(vehicles), np.inf)
         self.lands_by = np.full(len(vehicles), np.inf)
@@ -80,7 +81,14 @@ class TelemetryBuffer:
             specific_force=np.array(
                 [vehicle.accelerometer.newest(now) for vehicle in self._vehicles]
             ),
+            position_variance=self._position_variance(now),
         )
+
+    def _position_variance(self, now: float) -> Array | None:
+        """Return the variances of the positions, (N, 3) m²; None if no drone knows the map."""
+        if not self._in_map:
+            return None
+        return np.array([vehicle.position_variance.newest(now) for vehicle in self._vehicles])
 
     def _read(self) -> Samples:
         """Decode the reports that arrived, together for drones with the same layout."""

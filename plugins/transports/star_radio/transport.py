@@ -132,7 +132,7 @@ class Radio:
         self._awaiting_start: set[int] = set()  # rows commanded to follow, not yet reported active
         self.connected = np.zeros(len(self.vehicles), np.bool_)
         self._refusals: list[Refusal] = []
-        self._telemetry = TelemetryBuffer(self.vehicles)
+        self._telemetry = TelemetryBuffer(self.vehicles, in_map=scene.reports_in_map)
         self._ground = GroundEvidence(len(self.vehicles))
         self.landings = Landings(self.vehicles, self._ground)
         self.began: float | None = None
@@ -510,7 +510,11 @@ class Radio:
         masks = {} if self._broadcasts is None else self._broadcasts.masks
         try:
             vehicle.connect(
-                self._options, self._tables, self._report_period, masks.get(row, orders.MISSION)
+                self._options,
+                self._tables,
+                self._report_period,
+                masks.get(row, orders.MISSION),
+                in_map=self._scene.reports_in_map,
             )
         except Exception:
             vehicle.link.close()

@@ -9,13 +9,13 @@ from typing import Final, NamedTuple
 
 from star_core import PluginError, Supervisor, Trajectory
 from star_radio import orders, profiles
-from star_radio.accelerometer import Accelerometer
 from star_radio.connection import log_blocks, packets
 from star_radio.connection.estimator import ConvergenceWait, EstimatorNoise, reset_estimator
 from star_radio.connection.link import Link
 from star_radio.connection.log_values import LogValues
 from star_radio.connection.questions import ATTEMPTS, Question
 from star_radio.connection.tables import Table, Tables, read_now, set_now
+from star_radio.extra_reports import ACCELEROMETER, POSITION_VARIANCE, ExtraReports
 from star_radio.handover import Handover, Repeat
 from star_radio.options import RadioOptions
 from star_radio.report import Layout
@@ -56,6 +56,7 @@ class Vehicle:
         version: Protocol version of its firmware.
         stream: Its reports.
         accelerometer: Those of its accelerometer.
+        position_variance: Those of the variances of its position, where it knows the map.
         variables: Its table of log variables.
         parameters: Its table of parameters.
         take_off_memory: Number of the memory for profiles of take-offs; None if there is none.
@@ -89,7 +90,8 @@ class Vehicle:
         self._convergence = ConvergenceWait()
         self._values = LogValues()
         self._deadline = self._response_timeout = 0.0
-        self.accelerometer = Accelerometer(link)
+        self.accelerometer = ExtraReports(link, ACCELEROMETER)
+        self.position_variance = ExtraReports(link, POSITION_VARIANCE)
         self.stream = ReportStream(link, self._hear)
 
     def connect(
@@ -98,12 +100,14 @@ class Vehicle:
         tables: Tables,
         period: float,
         groups: int | None = orders.MISSION,
+        *,
+        in_map: bool = False,
     ) -> None:
         """Open the link, start reports every `period`, s, and assign the drone to groups.
 
         Commands are addressed to these groups, a bit each: a drone that reboots leaves them and
         ignores commands. With None it may be in flight: its groups and what flies it are left
-        alone.
+        alone. With `in_map` the drone also reports the variances of its position.
         """
         self._deadline = time.monotonic() + options.connect_timeout
         self._response_timeout = options.response_timeout
@@ -137,7 +141,7 @@ class Vehicle:
             self.stream.begin(*reports)
         if groups is None:
             return
-        self.accelerometer.begin(self.name, variables, self._ask, self._response_timeout)
+        self._begin_extra_reports(in_map=in_map)
         if options.descent:
             self.take_off_memory = profiles.reserve(self._ask)
         packet = orders.set_groups(groups)  # last: a drone in a group has been connected
@@ -147,6 +151,11 @@ class Vehicle:
             text = f"{self.link.uri} refuses to be put into groups: {why}"
             raise PluginError(text, "refused-request")
         self._groups = groups
+
+    def _begin_extra_reports(self, *, in_map: bool) -> None:
+        extra = [self.accelerometer, *([self.position_variance] if in_map else ())]
+        for reports in extra:
+            reports.begin(self.name, self.variables, self._ask, self._response_timeout)
 
     def settle(self) -> None:
         """Wait until its estimator has converged; this blocks.
@@ -187,6 +196,7 @@ class Vehicle:
         self._convergence.hear(payload)
         self._values.hear(payload)
         self.accelerometer.hear(payload)
+        self.position_variance.hear(payload)
 
     def steer(self, setpoint: bytes) -> None:
         """Send a setpoint made by `orders.velocity` or `orders.full_state`."""
@@ -282,6 +292,7 @@ class Vehicle:
                 failures.append(CommandFailure(f"does not confirm {question.about}", refused=False))
         self.stream.restore(now)
         self.accelerometer.restore(now)
+        self.position_variance.restore(now)
         self._check_for_reboot()
         self._hand_over(now)
         return failures

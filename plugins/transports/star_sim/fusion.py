@@ -15,7 +15,7 @@ from typing import Final
 
 import numpy as np
 
-from star_core import Array, Corrections
+from star_core import Array, Corrections, Rows
 from star_core.toolkit import wrap_angle, yaw_from_quaternion
 from star_sim.airframe import CYCLE
 from star_sim.drone import Drones
@@ -52,9 +52,9 @@ class Fusion:
         self._position[row] = drones["believed_position"][row, :2]
         self._covariance[row] = 0.0
 
-    def start_unknown(self) -> None:
+    def start_unknown(self, rows: Rows | int | slice = slice(None)) -> None:
         """Restart with positions that are not known, as the firmware's filter does."""
-        self._covariance[:] = np.diag([START_STD**2, START_STD**2, START_YAW_STD**2])
+        self._covariance[rows] = np.diag([START_STD**2, START_STD**2, START_YAW_STD**2])
 
     def covariance(self, drones: Drones, now: float) -> Array:
         """Return the (N, 3, 3) covariances of x, y (m) and heading (rad) at `now`, s.

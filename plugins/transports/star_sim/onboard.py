@@ -82,6 +82,7 @@ class Onboard:
 
     Attributes:
         faults: That are simulated.
+        receives: (N,) whose receivers work.
         next_step: Number of the step of 2 ms before which the next measurement is taken.
     """
 
@@ -103,6 +104,7 @@ class Onboard:
         self._taken = 0
         self._late: deque[tuple[float, Corrections]] = deque()  # s, when it is used
         self.faults: Sequence[Fault] = ()
+        self.receives: Mask = np.ones(n, np.bool_)
         self.next_step = 0
 
     def take(self, drones: Drones, step: int) -> None:
@@ -137,7 +139,7 @@ class Onboard:
                 error = heard @ self._geometry / count + noise
                 error[count[:, 0] == 1] *= SINGLE
         offset, lost = self._failing(len(position), now)
-        rows = np.flatnonzero(located & ~lost & np.isfinite(error).all(axis=1))
+        rows = np.flatnonzero(located & self.receives & ~lost & np.isfinite(error).all(axis=1))
         yaw = yaw_from_quaternion(drones["attitude"][rows]) + self._yaw_bias
         yaw_std = math.inf if math.isnan(errors.yaw_bias) else errors.yaw_bias
         return Corrections(

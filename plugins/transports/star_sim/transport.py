@@ -86,6 +86,7 @@ class Simulator:
     Attributes:
         speed: Mission seconds per second of wall time; None is as fast as possible.
         cascades: (N,) state of the firmware's controllers; None with ``ideal``.
+        onboard: Receivers of a positioning system; None without, or without noise.
         leads: (N, 3) state of Mellinger's; with None no drone may have this controller.
     """
 
@@ -154,8 +155,8 @@ class Simulator:
         self._link = RadioLink(profile, scene.seed, n) if imperfect else None
         self._wind = None if wind is None else Wind(**wind, seed=scene.seed, agents=n)
         self._positioning = Positioning(scene.seed, n, **positioning) if positioning else None
-        self._onboard = self._receivers(**onboard) if onboard else None
-        devices = self._cameras, self._positioning, self._onboard
+        self.onboard = self._receivers(**onboard) if onboard else None
+        devices = self._cameras, self._positioning, self.onboard
         self._devices = [device for device in devices if device is not None]
         self._near = np.zeros((n, COLUMNS)) if profile.aerodynamics else None
         still = np.zeros((BLOCK, n, 3))
@@ -200,7 +201,7 @@ class Simulator:
             PluginError: There is no positioning system, or no noise; see `DroneFaults`.
         """
         measuring = [fault for fault in faults if fault.component == "positioning"]
-        measures = self._positioning or self._onboard
+        measures = self._positioning or self.onboard
         if measures is not None:
             measures.faults = measuring
         elif measuring:
@@ -286,7 +287,7 @@ class Simulator:
 
     def _position_variance(self, now: float) -> Array | None:
         """Return the variances of the estimated positions, (N, 3) m²; None without receivers."""
-        if self._onboard is None:
+        if self.onboard is None:
             return None
         planar = np.diagonal(self.fusion.covariance(self.drones, now), axis1=1, axis2=2)
         return frozen(np.column_stack([planar[:, :2], np.full(len(planar), HEIGHT_STD**2)]))

@@ -167,7 +167,7 @@ def _frames(data: Mapping[str, Any], scene: Scene, registry: Registry) -> Iterat
     if scene.onboard_system is None or isinstance(choice, Incomplete):
         return
     names = registry.names("localizer")
-    able = [name for name in names if registry.find("localizer", name).offer.reads_map]
+    able = [name for name in names if registry.find("localizer", name).offer.reports_in_map]
     if choice["use"] in names and choice["use"] not in able:
         text = (
             f"the drones report positions in the map, by {scene.onboard_system!r}, which "

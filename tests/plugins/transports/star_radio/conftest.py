@@ -75,9 +75,10 @@ def udp_peers(stack: ExitStack) -> Peers:
 def make(tmp_path: Path, stack: ExitStack) -> Open:
     """Make a radio to some addresses; it is closed at the end."""
 
-    def make(uris: list[str], **how: Any) -> Radio:
+    def make(uris: list[str], *, reports_in_map: bool = False, **how: Any) -> Radio:
         given: dict[str, Any] = {"cache": str(tmp_path), "response_timeout": 0.6} | how
-        radio = star_radio.make(reached(uris), **options(**given))
+        room = dataclasses.replace(reached(uris), reports_in_map=reports_in_map)
+        radio = star_radio.make(room, **options(**given))
         assert isinstance(radio, Radio)
         stack.callback(radio.close)
         return radio
