@@ -117,6 +117,10 @@ def _world(mission: Mission) -> Iterator[str]:
             numbers = ", ".join(str(tag.id) for tag in tags)
             yield f"  {kind:11}{len(sheets)}: tags {numbers}"
 
+    for kind, beacons in (("stations", world.base_stations), ("anchors", world.anchors)):
+        if beacons:
+            yield f"  {kind:11}{', '.join(beacon.name for beacon in beacons)}"
+
 
 def _swarm(mission: Mission) -> Iterator[str]:
     source = mission.source

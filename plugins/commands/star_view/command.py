@@ -154,7 +154,13 @@ def _open_world(
             time.sleep(PERIOD)
 
     page = open_page(world, port, world.name, token)
-    named = {"obstacle": world.obstacles, "tag": world.landmarks, "target": world.targets}
+    named = {
+        "obstacle": world.obstacles,
+        "tag": world.landmarks,
+        "target": world.targets,
+        "base station": world.base_stations,
+        "anchor": world.anchors,
+    }
     counts = [f"{len(of)} {noun}{'s' * (len(of) > 1)}" for noun, of in named.items() if of]
     page.gui.add_markdown(", ".join(counts) or "an empty room")
     add_dark_switch(page)

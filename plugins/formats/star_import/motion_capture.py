@@ -1,4 +1,4 @@
-"""Motion capture of an import: the system of ``motion_capture.yaml``, and the agents that it measures."""
+"""Motion capture of an import: the system of ``motion_capture.yaml``, and agents it measures."""
 
 from __future__ import annotations
 

@@ -89,7 +89,7 @@ class TimeOffset:
 
 
 def latency_of(streams: list[tuple[Array, Array]]) -> Latency | None:
-    """Return the latency between pairs of speeds on a grid of `STEP`; None if it cannot be told.
+    """Return the latency between pairs of speeds on a grid of `STEP`; None if it is ambiguous.
 
     Args:
         streams: Of each agent (T,) speeds by its measurements and by its odometry, at the times of

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from star_core import Agent, Array, InputError, Problem, Registry, Scene, Telemetry, World, load
+from star_core.commands.main import main
 from star_core.formats import check_file, code_of
 from star_core.testing import scene
 from star_core.toolkit import SYSTEMS, Beacon, covered, fill_defaults, nearest_surface, received
@@ -201,3 +202,8 @@ def test_flights_are_as_accurate_as_the_system(system: str, most: float) -> None
 @pytest.mark.parametrize("holds", onboard.HOLDS)
 def test_what_receivers_lose_is_noticed(holds: onboard.Holds) -> None:
     assert holds(SEED)
+
+
+def test_the_plan_names_base_stations(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["explain", str(onboard.LIGHTHOUSE)]) == 0
+    assert "  stations   bs1, bs2\n" in capsys.readouterr().out
