@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     import argparse
 
     from star_core.plugin_support.registry import Registry
+    from star_core.toolkit import WrittenReport
 
 RUNS = Path("runs")
 
@@ -82,13 +83,17 @@ def replace_file(path: Path, text: str) -> None:
     new.replace(path)
 
 
-def write_report(folder: Path, registry: Registry) -> str:
+def write_report(folder: Path, registry: Registry) -> tuple[str, WrittenReport | None]:
     """Write the report of a run or a study; return a line with its file, or why there is none."""
     try:
-        path = registry.manager.hook.star_report(folder=folder, registry=registry)
+        report: WrittenReport | None = registry.manager.hook.star_report(
+            folder=folder, registry=registry
+        )
     except StarError as error:
-        return f"no report: {error.message}"
-    return f"report: {path}" if path else "no report: no installed plugin writes one"
+        return f"no report: {error.message}", None
+    if report is None:
+        return "no report: no installed plugin writes one", None
+    return f"report: {report.page}", report
 
 
 def add_set_option(line: argparse.ArgumentParser) -> None:

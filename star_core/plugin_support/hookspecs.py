@@ -33,7 +33,7 @@ if TYPE_CHECKING:
         TaskSpec,
         TransportSpec,
     )
-    from star_core.toolkit import Rehearsal, StudyResults
+    from star_core.toolkit import Rehearsal, StudyResults, WrittenReport
 
 PROJECT = "star"
 
@@ -190,8 +190,10 @@ def star_check(mission: Mission, registry: Registry) -> Iterable[Problem]:  # ty
 
 
 @hookspec(firstresult=True)
-def star_report(folder: Path, registry: Registry) -> Path | None:
-    """Write the report of a recorded flight or a study and return its file; None to leave it.
+def star_report(folder: Path, registry: Registry) -> WrittenReport | None:
+    """Write the report of a recorded flight or a study; None leaves that to another plugin.
+
+    What is returned names its page and has the tables of a study, which `star ablate` prints.
 
     It may raise `InputError`: the folder holds no record, or a package is not installed.
     """

@@ -51,6 +51,8 @@ from star_core.plugin_support.specs import KindSpec as KindSpec
 from star_core.plugin_support.specs import MonitorSpec as MonitorSpec
 from star_core.plugin_support.specs import Spec as Spec
 from star_core.plugin_support.specs import StepGoal as StepGoal
+from star_core.records.report import ReportTable as ReportTable
+from star_core.records.report import WrittenReport as WrittenReport
 from star_core.records.run import PlannedPaths as PlannedPaths
 from star_core.records.study_results import STUDY_COLUMNS as STUDY_COLUMNS
 from star_core.records.study_results import SUMMARY_MEASURES as SUMMARY_MEASURES

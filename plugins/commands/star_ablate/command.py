@@ -11,12 +11,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from pathlib import Path
 from types import FrameType
-from typing import Any, Final
+from typing import Any
 
 from star_ablate import measures
 from star_ablate.dry_run import describe
 from star_ablate.flight import Result
 from star_ablate.journal import JOURNAL, Journal, StudyProgress, entries
+from star_ablate.printing import print_table
 from star_ablate.reading import read
 from star_ablate.results import study_results
 from star_ablate.shards import ABOUT, Shard, merged, require_shard, shard
@@ -31,9 +32,8 @@ from star_core.commands import (
     write_report,
     writing,
 )
-from star_core.toolkit import Progress, StudyResults, log, unescaped
+from star_core.toolkit import Progress, StudyResults, log
 
-TABLE: Final = "results.md"
 DONE, INTERRUPTED = 0, 1  # exit status; bad input is 2, as with every command
 
 
@@ -61,33 +61,14 @@ def run(options: argparse.Namespace, registry: Registry) -> int:
         require_shard(folder, options.shard)
         with closing(_engine(options, registry)) as engine, writing(folder):
             flown = _fly(study, folder, engine, chosen=options.shard, record=options.record)
-    report = write_report(folder, registry)
+    line, report = write_report(folder, registry)
     if not options.quiet:
-        _print_table(_means(folder))
-        sys.stdout.write(f"\nresults: {folder}\n{report}\n")
+        if report is not None:
+            sys.stdout.write(f"{study.name}: {report.summary}\n\n")
+            for table in report.tables[:1]:
+                print_table(table)
+        sys.stdout.write(f"\nresults: {folder}\n{line}\n")
     return INTERRUPTED if flown.interrupted else DONE
-
-
-def _means(folder: Path) -> str:
-    """Return the first table of a study, with the number of its runs."""
-    try:
-        text = (folder / TABLE).read_text(encoding="utf-8")
-    except FileNotFoundError:  # no installed plugin writes it
-        return ""
-    return "\n## ".join(text.split("\n## ")[:2])
-
-
-def _print_table(text: str) -> None:
-    """Print Markdown, on a terminal as wide as that."""
-    if not sys.stdout.isatty():
-        sys.stdout.write(text)
-        return
-    from rich.console import Console
-    from rich.markdown import Markdown
-    from rich.theme import Theme
-
-    theme = Theme({"markdown.code": "cyan"})  # without its black background
-    Console(file=unescaped(sys.stdout), theme=theme).print(Markdown(text))
 
 
 def fly_study(path: Path, folder: Path, workers: int | None, registry: Registry) -> StudyResults:

@@ -69,8 +69,8 @@ def run(options: argparse.Namespace, registry: Registry) -> int:
         titled = StudyResults(tuple(_titled(flown, campaign)))
         (folder / "results.csv").write_text(titled.as_csv(FACTORS, MEASURES), encoding="utf-8")
         _write_versions(folder)
-    report = write_report(folder, registry)
-    sys.stdout.write(f"{table}\nresults: {folder}\n{report}\n")
+    line, _ = write_report(folder, registry)
+    sys.stdout.write(f"{table}\nresults: {folder}\n{line}\n")
     return 1 if flown.interrupted else 0
 
 

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from star_core import Mission, Registry
+    from star_core.toolkit import WrittenReport
     from star_report.observer import Reporter
 
 
@@ -36,7 +37,7 @@ def star_run_options() -> Iterator[RunOptionSpec]:
 
 
 @hookimpl
-def star_report(folder: Path) -> Path:
+def star_report(folder: Path) -> WrittenReport:
     from star_report.command import write
 
     return write(folder)

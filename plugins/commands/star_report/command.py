@@ -9,7 +9,7 @@ from pathlib import Path
 
 from star_core import InputError, Registry, read_run
 from star_core.commands import replace_file, writing
-from star_core.toolkit import Progress
+from star_core.toolkit import Progress, WrittenReport
 from star_report.study import FILE
 
 
@@ -19,8 +19,8 @@ def run(options: argparse.Namespace, _registry: Registry) -> int:
     Raises:
         InputError: The folder holds no complete record, or the page cannot be written.
     """
-    out = write(Path(options.run), Path(options.out) if options.out else None)
-    sys.stdout.write(f"{out}\n")
+    report = write(Path(options.run), Path(options.out) if options.out else None)
+    sys.stdout.write(f"{report.page}\n")
     return 0
 
 
@@ -31,8 +31,8 @@ def require_plotly() -> None:
         raise InputError(text, "missing-package")
 
 
-def write(folder: Path, out: Path | None = None) -> Path:
-    """Write the page of a run or a study and return its file, ``report.html`` if not given.
+def write(folder: Path, out: Path | None = None) -> WrittenReport:
+    """Write the page of a run or a study, to ``report.html`` in its folder if not given.
 
     Tables, statistics and figures of a study are written beside its page, unless that is elsewhere.
 
@@ -42,19 +42,21 @@ def write(folder: Path, out: Path | None = None) -> Path:
     path = out or folder / "report.html"
     with Progress(f"drawing the report of {folder}"), writing(path):
         if (folder / FILE).is_file():
-            from star_report.study_page import page, report, write_tables
+            from star_report.study_page import page, report, summary, write_tables
 
             study = report(folder)
             text = page(study)
+            written = WrittenReport(path, summary(study.study), study.tables)
             if out is None:
                 write_tables(study, folder)
         else:
             text = _page(folder)
+            written = WrittenReport(path)
         if out is None:  # the folder may be of others
             replace_file(path, text)
         else:
             path.write_text(text, encoding="utf-8")
-    return path
+    return written
 
 
 def _page(folder: Path) -> str:

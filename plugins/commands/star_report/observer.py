@@ -24,4 +24,4 @@ class Reporter:
     @hookimpl(trylast=True)
     def star_mission_ended(self) -> None:
         if self._folder is not None:
-            sys.stderr.write(f"report: {write(self._folder)}\n")
+            sys.stderr.write(f"report: {write(self._folder).page}\n")

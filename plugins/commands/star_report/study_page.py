@@ -8,12 +8,13 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from star_core.commands import replace_file
+from star_core.toolkit import ReportTable
 from star_report.comparison import Result
 from star_report.drawing import STYLE, WIDTH, Group, figure
 from star_report.labels import file_name, label, made
 from star_report.sheet import footer, sheet
 from star_report.study import Study, read
-from star_report.tables import Table, as_csv, html, latex, markdown, tables
+from star_report.tables import as_csv, html, latex, markdown, tables
 
 MAX_ROWS: Final = 60  # of a figure; of more conditions it has the levels of each factor
 SAVE: Final = """<script>
@@ -42,7 +43,7 @@ class Report(NamedTuple):
     """
 
     study: Study
-    tables: Sequence[Table]
+    tables: Sequence[ReportTable]
     statistics: Mapping[str, Sequence[Result]]
     figures: Mapping[str, Sequence[Group]]
     made: Mapping[str, str]
@@ -63,7 +64,7 @@ def report(folder: Path) -> Report:
 def write_tables(of: Report, folder: Path) -> None:
     """Write tables, statistics and figures of a study into its folder."""
     made_by = {name: " ".join(text.split()) for name, text in of.made.items() if text}
-    lines = [f"# {of.study.name}\n\n{_summary(of.study)}\n"]
+    lines = [f"# {of.study.name}\n\n{summary(of.study)}\n"]
     lines += [f"## {table.title}\n\n{markdown(table)}" for table in of.tables]
     lines.append("## How this was made\n\n" + "".join(f"- {n}: {t}\n" for n, t in made_by.items()))
     replace_file(folder / "results.md", "\n".join(lines))
@@ -80,7 +81,7 @@ def page(of: Report) -> str:
     """Return the report of a study as HTML."""
     sections = [
         f"<style id=marks>{STYLE}</style><h1>{escape(of.study.name)}</h1>"
-        f"<p class=quiet>{escape(_summary(of.study))}</p>",
+        f"<p class=quiet>{escape(summary(of.study))}</p>",
         *map(html, of.tables[:1]),
         *(_section(measure, groups) for measure, groups in of.figures.items()),
         *map(html, of.tables[1:]),
@@ -89,7 +90,8 @@ def page(of: Report) -> str:
     return sheet(of.study.name, sections, SAVE)
 
 
-def _summary(study: Study) -> str:
+def summary(study: Study) -> str:
+    """Return how many runs and conditions a study has, and what is the same in all."""
     number = len(study.table["seed"])
     planned = study.about.get("runs")
     runs = f"{number} of {planned}" if isinstance(planned, int) and planned > number else number

@@ -8,8 +8,9 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from io import StringIO
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
+from star_core.toolkit import ReportTable
 from star_report import comparison
 from star_report.comparison import Result
 from star_report.estimates import CONFIDENCE, MIN_SAMPLE, Estimate
@@ -41,25 +42,7 @@ class Strong(str):
     __slots__ = ()
 
 
-class Table(NamedTuple):
-    """A table for people.
-
-    Attributes:
-        title: Heading.
-        note: Paragraph before the table.
-        names: Columns with levels, whose texts are aligned to the left.
-        measures: Columns with numbers: name and, if it differs, key in the files.
-        rows: Cells.
-    """
-
-    title: str
-    note: str
-    names: Sequence[str]
-    measures: Sequence[tuple[str, str]]
-    rows: Sequence[Sequence[str]]
-
-
-def tables(study: Study) -> tuple[list[Table], dict[str, list[Result]]]:
+def tables(study: Study) -> tuple[list[ReportTable], dict[str, list[Result]]]:
     """Return the tables of a study, and the statistics in them by the name of their table."""
     results = {
         "condition": comparison.by_condition(study),
@@ -105,7 +88,9 @@ def _levels(levels: Mapping[str, str]) -> str:
     return ", ".join(f"{name}: {level}" for name, level in levels.items())
 
 
-def _table(study: Study, title: str, note: str, results: Iterable[Result], cell: Any) -> Table:
+def _table(
+    study: Study, title: str, note: str, results: Iterable[Result], cell: Any
+) -> ReportTable:
     """Return a table with a row for each combination of levels and a column for each measure."""
     by_levels: dict[tuple[tuple[str, str], ...], dict[str, Result]] = {}
     for result in results:
@@ -123,7 +108,7 @@ def _table(study: Study, title: str, note: str, results: Iterable[Result], cell:
         rows.append([*(dict(levels).get(name, ALL) for name in names), str(n), *cells])
     plain = {OUTCOME, *map(label, measures)}  # keys that add nothing
     heads = [(label(measure), "" if measure in plain else measure) for measure in measures]
-    return Table(title, note, names, [("n", ""), *heads], rows)
+    return ReportTable(title, note, names, [("n", ""), *heads], rows)
 
 
 def _mean(result: Result, n: int, *, percent: bool) -> str:
@@ -203,7 +188,7 @@ def _corrected(results: Sequence[Result]) -> str:
     )
 
 
-def _others(study: Study) -> Table:
+def _others(study: Study) -> ReportTable:
     """Return the runs that did not complete."""
     table = study.table
     at = [row for rows in study.conditions.values() for row in rows
@@ -213,13 +198,13 @@ def _others(study: Study) -> Table:
     more = (
         f"The first {MAX_OTHERS} of {len(at)}; results.csv has all." if len(at) > len(rows) else ""
     )
-    return Table("Not completed", more, names, [], rows)
+    return ReportTable("Not completed", more, names, [], rows)
 
 
 # Forms
 
 
-def markdown(table: Table) -> str:
+def markdown(table: ReportTable) -> str:
     """Return a table as Markdown, without its title."""
     heads = [f"{name} (`{key}`)" if key else name for name, key in table.measures]
     lines = [
@@ -238,7 +223,7 @@ def _piped(cell: str) -> str:
     return " ".join(cell.split()).replace("\\", "\\\\").replace("|", "\\|").replace("<", "\\<")
 
 
-def latex(table: Table) -> str:
+def latex(table: ReportTable) -> str:
     """Return a table as an environment of LaTeX; it needs the package ``booktabs``."""
     keys = [f"\\texttt{{{_tex(key)}}}" if key else "" for _, key in table.measures]
     heads = [*map(_tex, table.names), *(_tex(name) for name, _ in table.measures)]
@@ -261,7 +246,7 @@ def _tex(text: str) -> str:
     return re.sub(r"(?<![\w.])-(?=\d)", "$-$", marked)
 
 
-def html(table: Table) -> str:
+def html(table: ReportTable) -> str:
     """Return a table as a section of a page."""
     head = "".join(f"<th>{escape(name)}" for name in table.names) + "".join(
         f"<th>{escape(name)}{f'<code>{escape(key)}</code>' * bool(key)}"

@@ -16,6 +16,7 @@ import pytest
 from star_core import AgentPhase, InputError, Registry, Run, hookimpl, read_run
 from star_core.commands import write_report
 from star_core.commands.main import main
+from star_core.toolkit import WrittenReport
 from star_report.charts import series, tick_times
 from star_report.page import page
 from star_report.series import clearance, errors, separation
@@ -220,7 +221,8 @@ def test_reports_without_plotly_name_the_package_before_flight(
     mission = str(run.folder.parent / "swap.yaml")
     assert main(["run", mission, "--no-record", "--report"]) == 2
     assert "pip install 'star-swarm[report]' [missing-package]" in capsys.readouterr().err
-    line = write_report(run.folder, Registry())
+    line, report = write_report(run.folder, Registry())
+    assert report is None
     assert line == "no report: star report needs plotly: pip install 'star-swarm[report]'"
 
 
@@ -231,10 +233,10 @@ class Sketch:
         self._error = error
 
     @hookimpl
-    def star_report(self, folder: Path) -> Path:
+    def star_report(self, folder: Path) -> WrittenReport:
         if self._error is not None:
             raise self._error
-        return folder / "sketch.svg"
+        return WrittenReport(folder / "sketch.svg")
 
 
 @pytest.mark.parametrize(
@@ -247,7 +249,7 @@ class Sketch:
     ],
 )
 def test_reports_are_written_by_a_hook(plugins: tuple[object, ...], line: str) -> None:
-    assert re.match(line, write_report(Path("run"), Registry(*plugins, installed=False)))
+    assert re.match(line, write_report(Path("run"), Registry(*plugins, installed=False))[0])
 
 
 @pytest.mark.parametrize("missing", ["manifest.json", "summary.json", "trajectory.npz"])

@@ -13,10 +13,11 @@ from xml.etree import ElementTree as ET
 import pytest
 
 from star_core.commands.main import main
+from star_core.toolkit import ReportTable
 from star_report.comparison import Result, differences, interactions, marginal_means
 from star_report.drawing import ticks
 from star_report.study import FILE, OUTCOME, Study, read
-from star_report.tables import Strong, Table, latex, markdown
+from star_report.tables import Strong, latex, markdown
 from tests.plugins.commands.star_view.chromium import CHROMIUM, Chromium
 
 SEEDS = 6
@@ -194,14 +195,16 @@ def test_statistics_have_full_precision(folder: Path) -> None:
 
 def test_latex_escapes_what_has_a_meaning() -> None:
     rows = [["a_b & c", "5", Strong("-0.5 ± 1 [-1, 2e-05]")]]
-    text = latex(Table("100 %", "", ["mission"], [("n", ""), ("length, m", "length_m")], rows))
+    text = latex(
+        ReportTable("100 %", "", ["mission"], [("n", ""), ("length, m", "length_m")], rows)
+    )
     assert r"\caption{100 \%. }" in text
     assert r" &  & \texttt{length\_m} \\" in text
     assert r"a\_b \& c & 5 & \textbf{$-$0.5 $\pm$ 1 [$-$1, 2e-05]} \\" in text
 
 
 def test_markdown_keeps_cells_on_their_line() -> None:
-    text = markdown(Table("t", "note", ["a"], [("n", "")], [["x|y\nz", Strong("3")]]))
+    text = markdown(ReportTable("t", "note", ["a"], [("n", "")], [["x|y\nz", Strong("3")]]))
     assert text == "note\n\n| a | n |\n| --- | ---: |\n| x\\|y z | **3** |\n"
 
 
