@@ -84,7 +84,7 @@ def main() -> None:
     options.add_argument("file", type=Path)
     options.add_argument("--seeds", type=int, default=8, help="%(default)s")
     chosen = options.parse_args()
-    path = read_trajectory(chosen.file, chosen.file.name)
+    path = read_trajectory(chosen.file, chosen.file.name, "poly7")
     expected = tracking_error(path, 1.0, 0.05, on_board=False)
     print(f"{'':22}{'RMS':>7}{'most':>7}{'beyond':>8}")
     print(f"{'expected':22}{expected.rms:7.3f}{expected.most:7.3f}")

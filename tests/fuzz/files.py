@@ -9,7 +9,7 @@ import re
 import shutil
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, redirect_stdout
-from functools import cache
+from functools import cache, partial
 from io import StringIO
 from pathlib import Path
 from typing import Final
@@ -122,16 +122,22 @@ def faults(folder: Path) -> Iterator[Try]:
 
 @contextmanager
 def trajectories(folder: Path) -> Iterator[Try]:
-    """CSV files of waypoints and of polynomials."""
+    """CSV files of waypoints, of timed points and of polynomials."""
     piece = ",".join(["1.5", *(f"{0.01 * i:.4f}" for i in range(32))])
     header = "duration," + ",".join(f"{a}^{i}" for a in ("x", "y", "z", "yaw") for i in range(8))
     polynomials = f"{header}\n{piece}\n".encode()
     waypoints = [path.read_bytes() for path in sorted((MISSIONS / "paths").glob("*.csv"))]
     path = folder / "path.csv"
+    timed = b"t,x,y,z,yaw_deg\n0,0,0,0.8,0\n1.5,0.4,0,0.8,90\n4,0,0,0.8,180\n"
+    kinds: list[tuple[Callable[[Path, str], object], list[bytes]]] = [
+        (read_waypoints, waypoints),
+        (partial(read_trajectory, form="poly7"), [polynomials]),
+        (partial(read_trajectory, form="timed"), [timed]),
+    ]
 
     def attempt(draw: Draw) -> str:
-        read = draw.choice((read_waypoints, read_trajectory))
-        original = polynomials if read is read_trajectory else draw.choice(waypoints)
+        read, originals = draw.choice(kinds)
+        original = draw.choice(originals)
         path.write_bytes(draw.choice((spoiled, damaged))(original, draw))
         return outcome(lambda: read(path, "path.csv"), IN_CSV)
 

@@ -130,7 +130,7 @@ def test_a_good_trajectory_is_no_problem(problems: Any, room: Scene) -> None:
 def test_waypoints_cannot_be_flown_on_board(problems: Any, tmp_path: Path) -> None:
     room = with_file(tmp_path, "x,y,z\n0,0,1\n1,0,1\n")
     assert problems("follow", room, (0,), file="path.csv", on_board=True) == [
-        (("on_board",), "'on_board' goes with 'format: poly7' only")
+        (("on_board",), "'on_board' goes with 'format: timed' or 'poly7' only")
     ]
 
 

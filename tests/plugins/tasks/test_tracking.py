@@ -98,7 +98,7 @@ def test_trajectories_are_flown_in_their_own_time(folder: Path, changes: Sequenc
 
 def test_the_expected_error_is_that_of_the_simulator(folder: Path) -> None:
     track, _ = flown(folder)
-    path = read_trajectory(folder / "path.csv", "path.csv")
+    path = read_trajectory(folder / "path.csv", "path.csv", "poly7")
     expected = tracking_error(path, 1.0, 0.05, on_board=False)
     assert expected.rms == pytest.approx(track.rms, abs=0.015)
     assert expected.most == pytest.approx(max(track.error), abs=0.04)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -49,7 +50,7 @@ def with_file(folder: Path, text: str, n: int = 1, limits: Limits = WIDE) -> Sce
 def faults(folder: Path, text: str) -> list[str]:
     (folder / "path.csv").write_text(text, encoding="utf-8")
     with pytest.raises(InputError) as raised:
-        read_trajectory(folder / "path.csv", "path.csv")
+        read_trajectory(folder / "path.csv", "path.csv", "poly7")
     assert raised.value.code == "invalid-trajectory"
     return [problem.removesuffix(" [invalid-trajectory]") for problem in raised.value.problems]
 
@@ -82,7 +83,7 @@ def test_trajectories_stay_between_their_start_and_end(time: float) -> None:
 def test_headers_of_crazyswarm_numpy_and_others_are_read(tmp_path: Path, header: str) -> None:
     text = there_and_back().replace(HEADER, header)
     (tmp_path / "path.csv").write_text(text, encoding="utf-8")
-    found = read_trajectory(tmp_path / "path.csv", "path.csv")
+    found = read_trajectory(tmp_path / "path.csv", "path.csv", "poly7")
     assert found.lines.tolist() == [2, 3]
     assert found.length == 8.0
 
@@ -118,7 +119,7 @@ def test_problems_of_a_file_are_reported_with_their_line(
 def test_a_binary_file_is_refused(tmp_path: Path) -> None:
     (tmp_path / "path.csv").write_bytes(b"\xff\xfe")
     with pytest.raises(InputError, match=r"path\.csv: cannot be read as CSV in UTF-8"):
-        read_trajectory(tmp_path / "path.csv", "path.csv")
+        read_trajectory(tmp_path / "path.csv", "path.csv", "poly7")
 
 
 POLY7: dict[str, Any] = {"file": "path.csv", "format": "poly7"}
@@ -273,7 +274,7 @@ def test_options_of_paths_do_not_go_with_a_trajectory(problems: Any, tmp_path: P
 def test_a_timescale_of_waypoints_is_a_problem(problems: Any, tmp_path: Path) -> None:
     room = with_file(tmp_path, "x,y,z\n0,0,1\n1,0,1\n")
     assert problems("follow", room, (0,), file="path.csv", timescale=2.0) == [
-        (("timescale",), "'timescale' goes with 'format: poly7' only")
+        (("timescale",), "'timescale' goes with 'format: timed' or 'poly7' only")
     ]
 
 
@@ -285,3 +286,106 @@ def test_what_is_wrong_with_the_file_is_a_problem(problems: Any, tmp_path: Path)
             "path.csv: has no piece, expected a header and one line per piece [invalid-trajectory]",
         )
     ]
+
+
+# Points with times
+
+TIMED = "t,x,y,z\n0,0,0,1\n4,1,0,1\n6,1,1,1.2\n9,0,0,1\n"
+
+
+def timed(**options: Any) -> dict[str, Any]:
+    return {"file": "path.csv", "format": "timed", **options}
+
+
+def test_timed_points_are_passed_at_their_times(make: Any, fly: Any, tmp_path: Path) -> None:
+    room = with_file(tmp_path, TIMED)
+    flown = fly(make("follow", room, (0,), **timed()), room, [[0.0, 0.0, 1.0]])
+    assert flown.status is Status.SUCCESS
+    assert flown.time == pytest.approx(9.0, abs=0.3)
+    period = flown.time / (len(flown.track) - 1)
+    for time, point in ((4.0, [1.0, 0.0, 1.0]), (6.0, [1.0, 1.0, 1.2])):
+        assert flown.track[round(time / period), 0] == pytest.approx(point, abs=0.15)
+
+
+@given(
+    st.lists(st.floats(0.01, 9.0), min_size=1, max_size=6),
+    st.lists(st.tuples(*[st.floats(-5, 5)] * 3, st.floats(-400, 400)), min_size=7, max_size=7),
+    st.floats(-10.0, 10.0),
+)
+def test_the_line_of_timed_points_is_smooth(
+    steps: list[float], states: list[tuple[float, ...]], first: float
+) -> None:
+    times = np.concatenate([[0.0], np.cumsum(steps)])
+    lines = [
+        ",".join(map(repr, (first + float(t), *state)))
+        for t, state in zip(times, states, strict=False)
+    ]
+    with TemporaryDirectory() as name:
+        path = Path(name, "path.csv")
+        path.write_text("\n".join(["t,x,y,z,yaw_deg", *lines]))
+        line = read_trajectory(path, "path.csv", "timed")
+    points = np.array(states)[: len(times), :3]
+    assert line.at(times)[0] == pytest.approx(points, abs=1e-6)
+    assert line.length == pytest.approx(times[-1])
+    scale = np.abs(points).max() / min(steps) ** 2 + 1.0
+    for quantity in (line.at, line.acceleration):  # on both sides of each point
+        before, after = (quantity(times[1:-1] + side * 1e-9) for side in (-1, 1))
+        for a, b in zip(before, after, strict=True):
+            assert a == pytest.approx(b, abs=1e-4 * scale)
+    assert line.at(times[[0, -1]])[1] == pytest.approx(0.0, abs=1e-6 * scale)
+    yaw = line.yaw(times)
+    assert yaw is not None
+    expected = np.radians(np.array(states)[: len(times), 3])
+    assert np.cos(yaw - expected) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(("column", "end"), [("", 0.0), (",yaw_deg", 1.0)])
+def test_a_heading_is_flown_only_if_there_is_one(
+    make: Any, fly: Any, tmp_path: Path, column: str, end: float
+) -> None:
+    first, last = (",0", f",{np.degrees(1.0)}") if column else ("", "")
+    room = with_file(tmp_path, f"t,x,y,z{column}\n0,0,0,1{first}\n5,0,1,1{last}\n")
+    flown = fly(make("follow", room, (0,), **timed()), room, [[0.0, 0.0, 1.0]])
+    assert flown.yaw[-1][0] == pytest.approx(end, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("text", "fault"),
+    [
+        ("", "path.csv: is empty, expected a header with columns t, x, y, z and, optionally, "),
+        ("x,y,z\n0,0,1\n1,0,1\n", "path.csv:1: no column 't', expected t, x, y, z and"),
+        ("t,x,y,z\n0,0,0,1\n", "path.csv: has 1 points, expected 2 to 1001"),
+        ("t,x,y,z\n1,0,0,1\n1,1,0,1\n", "path.csv:3: t is 1 s after 1 s, expected it to rise"),
+        ("t,x,y,z\n0,0,0,1\n1201,1,0,1\n", "path.csv:3: t is more than 1200 s after the first"),
+        ("t,x,y,z\n0,0,0,1\nnan,1,0,1\n", "path.csv:3: t is 'nan', expected a finite number"),
+    ],
+)
+def test_times_that_do_not_rise_are_refused(
+    problems: Any, tmp_path: Path, text: str, fault: str
+) -> None:
+    ((path, message),) = problems("follow", with_file(tmp_path, text), (0,), **timed())
+    assert path == ("file",)
+    assert message.startswith(fault)
+
+
+def test_timed_points_that_are_too_fast_suggest_a_timescale(problems: Any, tmp_path: Path) -> None:
+    room = with_file(tmp_path, TIMED, limits=Limits(speed=0.5))
+    ((_, message),) = problems("follow", room, (0,), **timed())
+    assert "faster than limits.speed of 0.5 m/s; timescale: " in message
+    scale = float(message.split("timescale: ")[1].split()[0])
+    assert problems("follow", room, (0,), **timed(timescale=scale)) == []
+
+
+def test_times_in_waypoints_name_the_format(problems: Any, tmp_path: Path) -> None:
+    ((_, message),) = problems("follow", with_file(tmp_path, TIMED), (0,), file="path.csv")
+    assert message.startswith("path.csv:1: its points have times, 't'; add `format: timed`")
+
+
+def test_timed_points_without_a_heading_are_not_flown_on_board(
+    problems: Any, tmp_path: Path
+) -> None:
+    found = problems("follow", with_file(tmp_path, TIMED), (0,), **timed(on_board=True))
+    assert (
+        ("on_board",),
+        "path.csv: has no column 'yaw_deg', which a flight on board needs",
+    ) in found

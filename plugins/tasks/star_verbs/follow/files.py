@@ -18,7 +18,6 @@ from star_verbs.follow.trajectory import PolynomialPath
 from star_verbs.positions import Point
 
 REQUIRED: Final = ("x", "y", "z")
-COLUMNS: Final = (*REQUIRED, "yaw_deg")
 
 DEGREES: Final = range(8)  # of a polynomial of seventh degree
 PIECE_COLUMNS: Final = (
@@ -29,6 +28,7 @@ MAX_SIZE: Final = 1_000_000  # bytes, of a file: 40,000 waypoints
 MAX_DURATION: Final = 1200.0  # s: a Crazyflie's battery lasts some 420 s
 MAX_PIECES: Final = 1000
 MAX_COEFFICIENT: Final = 1e9  # with it even 1200 s to the seventh power is a finite number
+MIN_STEP: Final = 0.001  # s, between timed points
 MAX_GAP: Final = 0.05  # m, between pieces; coefficients are often written with six decimals
 
 
@@ -57,45 +57,69 @@ def read_waypoints(path: Path, file: str) -> Waypoints:
     Raises:
         InputError: The file cannot be used; lists every problem as ``file:line: message``.
     """
-    rows = _read_rows(path, file)
-    if not rows:
-        raise InputError(
-            f"{file}: is empty, expected a header with columns {_listed(COLUMNS)}",
-            code="invalid-trajectory",
-        )
-    line, header = rows[0]
-    columns = [cell.strip() for cell in header]
-    problems = [f"{file}:{line}: {message}" for message in _header_faults(columns)]
-    if problems:
-        raise InputError(problems, code="invalid-trajectory")
-    points: list[dict[str, float]] = []
-    for line, row in rows[1:]:
-        values, faults = _numbers(columns, row)
-        points.append(values)
-        problems += [f"{file}:{line}: {message}" for message in faults]
-    if not problems and len({tuple(row[key] for key in REQUIRED) for row in points}) < 2:  # noqa: PLR2004 -- a line has two ends
-        problems = [f"{file}: has {len(points)} points, expected at least 2 that differ"]
-    if problems:
-        raise InputError(problems, code="invalid-trajectory")
+    points = _read_table(path, file, REQUIRED)
+    if len({tuple(row[key] for key in REQUIRED) for row in points.values()}) < 2:  # noqa: PLR2004 -- a line has two ends
+        message = f"{file}: has {len(points)} points, expected at least 2 that differ"
+        raise InputError(message, code="invalid-trajectory")
     return Waypoints(
-        point=tuple((row["x"], row["y"], row["z"]) for row in points),
-        yaw_deg=tuple(row["yaw_deg"] for row in points if "yaw_deg" in row),
-        line=tuple(line for line, _ in rows[1:]),
+        point=tuple((row["x"], row["y"], row["z"]) for row in points.values()),
+        yaw_deg=tuple(row["yaw_deg"] for row in points.values() if "yaw_deg" in row),
+        line=tuple(points),
     )
 
 
-def read_trajectory(path: Path, file: str) -> PolynomialPath:
-    """Read a file of pieces in the format of Crazyswarm2 and uav_trajectories.
-
-    It has a header and a line for each piece: its duration and four polynomials of seventh degree,
-    for x, y, z and yaw.
+def read_trajectory(path: Path, file: str, form: str) -> PolynomialPath:
+    """Read a trajectory in its own time.
 
     Args:
         path: Path of the file.
         file: Its name in the mission, for messages.
+        form: ``timed`` or ``poly7``.
 
     Raises:
         InputError: The file cannot be used; lists every problem as ``file:line: message``.
+    """
+    return (_read_timed if form == "timed" else _read_polynomials)(path, file)
+
+
+def _read_timed(path: Path, file: str) -> PolynomialPath:
+    """Read a CSV file with columns t, x, y, z and, optionally, yaw_deg.
+
+    Between the points the line is the cubic spline through them, at rest at both ends: its
+    velocity and acceleration do not jump.
+    """
+    from scipy.interpolate import CubicSpline  # takes long
+
+    points = _read_table(path, file, ("t", *REQUIRED))
+    lines, rows = list(points), list(points.values())
+    if not 2 <= len(rows) <= MAX_PIECES + 1:  # noqa: PLR2004 -- a line has two ends
+        message = f"{file}: has {len(rows)} points, expected 2 to {MAX_PIECES + 1}"
+        raise InputError(message, code="invalid-trajectory")
+    problems = [
+        f"{file}:{line}: t is {row['t']:g} s after {before['t']:g} s, expected it to rise by "
+        f"{MIN_STEP:g} s or more"
+        for line, before, row in zip(lines[1:], rows, rows[1:], strict=False)
+        if row["t"] - before["t"] < MIN_STEP
+    ]
+    if rows[-1]["t"] - rows[0]["t"] > MAX_DURATION:
+        problems.append(f"{file}:{lines[-1]}: t is more than {MAX_DURATION:g} s after the first")
+    if problems:
+        raise InputError(problems, code="invalid-trajectory")
+    turns = "yaw_deg" in rows[0]
+    yaw = np.unwrap(np.radians([row.get("yaw_deg", 0.0) for row in rows]))
+    state = np.column_stack([[[row[key] for key in REQUIRED] for row in rows], yaw])
+    time = np.array([row["t"] for row in rows])
+    spline = CubicSpline(time, state, bc_type="clamped").c  # (4, P, 4), highest power first
+    coefficients = np.zeros((len(rows) - 1, 4, len(DEGREES)))
+    coefficients[:, :, :4] = spline[::-1].transpose(1, 2, 0)
+    return PolynomialPath(np.diff(time), coefficients, lines[1:], turns=turns)
+
+
+def _read_polynomials(path: Path, file: str) -> PolynomialPath:
+    """Read a file of pieces in the format of Crazyswarm2 and uav_trajectories.
+
+    It has a header and a line for each piece: its duration and four polynomials of seventh degree,
+    for x, y, z and yaw.
     """
     rows = [(line, _without_trailing_commas(row)) for line, row in _read_rows(path, file)]
     if len(rows) < 2:  # noqa: PLR2004 -- a header and a piece
@@ -134,6 +158,27 @@ def read_trajectory(path: Path, file: str) -> PolynomialPath:
     return PolynomialPath(duration, coefficients, lines)
 
 
+def _read_table(path: Path, file: str, required: Sequence[str]) -> dict[int, dict[str, float]]:
+    """Return the numbers of a file with a header, by line and column; ``yaw_deg`` is optional."""
+    rows = _read_rows(path, file)
+    expected = (*required, "yaw_deg")
+    if not rows:
+        message = f"{file}: is empty, expected a header with columns {_listed(expected)}"
+        raise InputError(message, code="invalid-trajectory")
+    line, header = rows[0]
+    columns = [cell.strip() for cell in header]
+    problems = [f"{file}:{line}: {message}" for message in _header_faults(columns, expected)]
+    if problems:
+        raise InputError(problems, code="invalid-trajectory")
+    numbers: dict[int, dict[str, float]] = {}
+    for line, row in rows[1:]:
+        numbers[line], faults = _numbers(columns, row)
+        problems += [f"{file}:{line}: {message}" for message in faults]
+    if problems:
+        raise InputError(problems, code="invalid-trajectory")
+    return numbers
+
+
 def _read_rows(path: Path, file: str) -> list[tuple[int, list[str]]]:
     """Return the rows of a file that are not blank, each with its line number."""
     try:
@@ -170,22 +215,26 @@ def _numbers(
     return values, faults
 
 
-def _header_faults(columns: Sequence[str]) -> Iterator[str]:
+def _header_faults(columns: Sequence[str], expected: Sequence[str]) -> Iterator[str]:
+    *required, _ = expected
     if len(columns) == 1 and ";" in columns[0]:
         yield "its values are separated by ';', expected commas"
         return
     if all(_is_number(name) for name in columns):
-        yield f"begins with numbers, expected a header with columns {_listed(COLUMNS)}"
+        yield f"begins with numbers, expected a header with columns {_listed(expected)}"
         return
     if "duration" in [name.strip(" #").lower() for name in columns]:
         yield "this is a polynomial trajectory; add `format: poly7`"
         return
-    for name in REQUIRED:
+    if "t" in columns and "t" not in required:
+        yield "its points have times, 't'; add `format: timed`"
+        return
+    for name in required:
         if name not in columns:
-            yield f"no column {name!r}, expected {_listed(COLUMNS)}"
+            yield f"no column {name!r}, expected {_listed(expected)}"
     for name in dict.fromkeys(columns):
-        if name not in COLUMNS:
-            yield f"unknown column {name!r}, expected {_listed(COLUMNS)}"
+        if name not in expected:
+            yield f"unknown column {name!r}, expected {_listed(expected)}"
         elif columns.count(name) > 1:
             yield f"column {name!r} is given {columns.count(name)} times"
 

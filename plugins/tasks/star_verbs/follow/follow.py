@@ -13,7 +13,7 @@ from star_core import Array, Command, Estimate, Health, Order, Scene, Status, Ta
 from star_core.toolkit import shortlist, wrap_angle
 from star_verbs.follow.files import read_trajectory
 from star_verbs.follow.routes import Polyline, route, route_faults
-from star_verbs.follow.trajectory import PolynomialPath, Samples, position_faults
+from star_verbs.follow.trajectory import PolynomialPath, Samples, is_relative, position_faults
 from star_verbs.positions import Point, offsets
 from star_verbs.step_agents import StepAgents, assign, lag_factor
 
@@ -81,7 +81,7 @@ def trajectory_reference(scene: Scene, agents: int, options: dict[str, Any]) -> 
         InputError: The file cannot be used.
     """
     file = options["file"]
-    path = read_trajectory(scene.file(file), file)
+    path = read_trajectory(scene.file(file), file, options["format"])
     samples = Samples.of(path)
     return Reference(
         line=path,
@@ -90,7 +90,7 @@ def trajectory_reference(scene: Scene, agents: int, options: dict[str, Any]) -> 
         approach_speed=scene.limits.speed,
         max_speed=scene.limits.speed,
         start=(0.0,) * agents,
-        offset=None if options["relative"] else offsets(agents, options["spacing"]),
+        offset=None if is_relative(options) else offsets(agents, options["spacing"]),
         fault=lambda shifts: shortlist(position_faults(scene, samples, shifts, file), "; "),
         on_board=path.trajectory if options["on_board"] else None,
     )
@@ -232,7 +232,7 @@ class Follow:
         if not isinstance(line, PolynomialPath) or not self._started:
             return (pace * tangent,)
         acceleration, yaw_rate = line.acceleration(self._start + self._flown)
-        if self._along:
+        if self._along or not line.turns:
             yaw_rate = np.full(len(yaw_rate), np.nan)
         return pace * tangent, pace**2 * acceleration, pace * yaw_rate
 

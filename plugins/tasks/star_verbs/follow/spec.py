@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from star_core import Scene, Task
     from star_verbs.follow.tracking_error import TrackingError
 
+TRAJECTORIES: Final = ("timed", "poly7")  # formats, flown in their own time
 FOR_TRAJECTORIES: Final = ("timescale", "relative", "on_board")
 FOR_PATHS: Final = ("size", "width", "centre", "laps")
 MEMORY: Final = 4096  # bytes of a Crazyflie's trajectory memory
@@ -38,28 +39,30 @@ OPTIONS: Final = {
             "examples": ["paths/inspection.csv"],
         },
         "format": {
-            "enum": ["waypoints", "poly7"],
+            "enum": ["waypoints", *TRAJECTORIES],
             "description": "Format of the file. waypoints: columns x, y, z in the map, m, and "
-            "optionally yaw_deg, degrees. poly7: Crazyswarm2's duration, s, and polynomials of "
-            "7th degree for x, y, z, m, and yaw, rad, flown in the file's own time.",
+            "optionally yaw_deg, degrees. timed: also t, s, at which each point is passed, on a "
+            "smooth line. poly7: Crazyswarm2's duration, s, and polynomials of 7th degree for "
+            "x, y, z, m, and yaw, rad, flown in the file's own time.",
             "default": "waypoints",
         },
         "timescale": bounded(
-            "Factor by which the duration of a poly7 file is stretched: 2 is half as fast.",
+            "Factor by which the duration of a timed or poly7 file is stretched: 2 is half as "
+            "fast.",
             minimum=0.01,
             default=1.0,
         ),
         "relative": {
             "type": "boolean",
-            "description": "Whether a poly7 file begins at each agent's position, shifted and "
-            "not rotated; false: it is in the map frame.",
-            "default": True,
+            "description": "Whether a timed or poly7 file begins at each agent's position, "
+            "shifted and not rotated; false: it is in the map frame. If not given: true for "
+            "poly7, false for timed.",
         },
         "on_board": {
             "type": "boolean",
-            "description": "Whether a poly7 file is uploaded to each agent before take-off and "
-            "flown by its own commander: exactly in time, not steered by planner or avoider "
-            "until it ends. Other agents still give way.",
+            "description": "Whether a timed or poly7 file is uploaded to each agent before "
+            "take-off and flown by its own commander: exactly in time, not steered by planner or "
+            "avoider until it ends. Other agents still give way.",
             "default": False,
         },
         "path": {
@@ -105,21 +108,23 @@ def make(scene: Scene, rows: tuple[int, ...], **options: Any) -> Task:
     """Return the task."""
     from star_verbs.follow.follow import Follow, route_reference, trajectory_reference
 
-    reference = trajectory_reference if options["format"] == "poly7" else route_reference
+    reference = trajectory_reference if options["format"] in TRAJECTORIES else route_reference
     along = options["heading"] == "along"
     return Follow(scene, rows, reference(scene, len(rows), options), along=along)
 
 
 def check(scene: Scene, rows: tuple[int, ...], **options: Any) -> Iterator[Problem]:
     """Yield problems with these options."""
+    from star_verbs.follow.trajectory import is_relative
+
     agents, changes = len(rows), changed(options, OPTIONS)
-    is_trajectory = options["format"] == "poly7"
+    is_trajectory = options["format"] in TRAJECTORIES
     if conflicts := list(_trajectory_conflicts(changes) if is_trajectory else _conflicts(changes)):
         yield from conflicts
         return
     if not is_trajectory:
         yield from speed_problems(scene, changes)
-    if not (is_trajectory and options["relative"]) and (
+    if not (is_trajectory and is_relative(options)) and (
         too_close := list(spacing_problems(scene, agents, options))
     ):
         yield from too_close
@@ -139,13 +144,13 @@ def goals(scene: Scene, rows: tuple[int, ...], **options: Any) -> Iterator[StepG
     from star_verbs.follow.files import read_trajectory
 
     key = "file" if "file" in options else "path"
-    if options["format"] != "poly7":
+    if options["format"] not in TRAJECTORIES:
         labelled = routes.labelled_positions(routes.route(scene, len(rows), options))
-    elif options["relative"]:
+    elif trajectory.is_relative(options):
         return
     else:
         name = options["file"]
-        samples = trajectory.Samples.of(read_trajectory(scene.file(name), name))
+        samples = trajectory.Samples.of(read_trajectory(scene.file(name), name, options["format"]))
         shifts = offsets(len(rows), options["spacing"])
         start_only = options["on_board"]  # not planned from there on
         labelled = trajectory.labelled_positions(samples, shifts, name, start_only=start_only)
@@ -154,7 +159,7 @@ def goals(scene: Scene, rows: tuple[int, ...], **options: Any) -> Iterator[StepG
 
 def expects(scene: Scene, _rows: tuple[int, ...], **options: Any) -> Iterator[str]:
     """Yield the error with which drones are expected to follow a trajectory."""
-    if options["format"] != "poly7":
+    if options["format"] not in TRAJECTORIES:
         return
     error = _tracking_error(scene, options)
     where = " on board" if options["on_board"] else ""
@@ -166,7 +171,7 @@ def _tracking_error(scene: Scene, options: dict[str, Any]) -> TrackingError:
     from star_verbs.follow.tracking_error import tracking_error
 
     name, on_board = options["file"], options["on_board"]
-    path = read_trajectory(scene.file(name), name)
+    path = read_trajectory(scene.file(name), name, options["format"])
     return tracking_error(path, options["timescale"], scene.period, on_board=on_board)
 
 
@@ -187,7 +192,9 @@ def _conflicts(options: dict[str, Any]) -> Iterator[Problem]:
     """Check that the options go with waypoints, or with a named path."""
     for key in FOR_TRAJECTORIES:
         if key in options:
-            yield Problem((key,), f"{key!r} goes with 'format: poly7' only", "option-conflict")
+            yield Problem(
+                (key,), f"{key!r} goes with 'format: timed' or 'poly7' only", "option-conflict"
+            )
     if ("file" in options) is ("path" in options):
         yield from exactly_one("file", "path", options)
     elif "path" in options:
@@ -203,12 +210,13 @@ def _conflicts(options: dict[str, Any]) -> Iterator[Problem]:
 
 def _trajectory_conflicts(options: dict[str, Any]) -> Iterator[Problem]:
     """Check that the options go with a trajectory."""
+    form = options["format"]
     for key in options:
         if key not in {"format", "file", "spacing", *FOR_TRAJECTORIES}:
-            message = f"{key!r} does not go with 'format: poly7'"
+            message = f"{key!r} does not go with 'format: {form}'"
             yield Problem((key,), message, "option-conflict")
     if "file" not in options:
-        yield Problem((), "'format: poly7' needs 'file'", "missing-option")
+        yield Problem((), f"'format: {form}' needs 'file'", "missing-option")
 
 
 def _route_problems(scene: Scene, agents: int, options: dict[str, Any]) -> Iterator[Problem]:
@@ -248,7 +256,7 @@ def _trajectory_problems(scene: Scene, agents: int, options: dict[str, Any]) -> 
     from star_verbs.follow.files import read_trajectory
 
     name = options["file"]
-    path = read_trajectory(scene.file(name), name)
+    path = read_trajectory(scene.file(name), name, options["format"])
     size = len(path.lines) * PIECE_SIZE
     if options["on_board"] and size > MEMORY:
         message = (
@@ -256,13 +264,16 @@ def _trajectory_problems(scene: Scene, agents: int, options: dict[str, Any]) -> 
             f"Crazyflie has {MEMORY} bytes for trajectories: {MEMORY // PIECE_SIZE} pieces at most"
         )
         yield Problem(("on_board",), message, "out-of-range")
+    if options["on_board"] and not path.turns:
+        message = f"{name}: has no column 'yaw_deg', which a flight on board needs"
+        yield Problem(("on_board",), message, "missing-option")
     samples = trajectory.Samples.of(path)
     too_fast = list(trajectory.limit_faults(scene, samples, options["timescale"], name))
     for fault in too_fast:
         yield Problem(("file",), fault, "out-of-range")
     if not too_fast:
         yield from _imprecise(scene, options)
-    if options["relative"]:
+    if trajectory.is_relative(options):
         faults = trajectory.extent_faults(scene, samples, name)
     else:
         shifts = offsets(agents, options["spacing"])

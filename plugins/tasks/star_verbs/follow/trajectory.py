@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -31,15 +31,20 @@ class PolynomialPath:
         coefficients: (P, 4, 8) of x, y and z, m, and of yaw, rad, over the time since the piece
             began, s: the constant first.
         lines: Line number of each piece in its file.
+        turns: Whether its headings are flown; otherwise agents keep their own.
 
     Attributes:
         trajectory: As flown on board.
+        turns: Whether its headings are flown.
         length: Its total duration, s.
         begin: (P,) time at which each piece begins, s.
         lines: (P,) line number of each piece in its file.
     """
 
-    def __init__(self, duration: Array, coefficients: Array, lines: Sequence[int]) -> None:
+    def __init__(
+        self, duration: Array, coefficients: Array, lines: Sequence[int], *, turns: bool = True
+    ) -> None:
+        self.turns = turns
         self.trajectory = Trajectory(duration, coefficients)
         end = np.cumsum(duration)
         self.length = float(end[-1])
@@ -69,9 +74,9 @@ class PolynomialPath:
         _, first, second = self._at(time)
         return second[:, :3], first[:, 3]
 
-    def yaw(self, time: Array) -> Array:
-        """Return (K,) headings at (K,) times, rad."""
-        return self._at(time)[0][:, 3]
+    def yaw(self, time: Array) -> Array | None:
+        """Return (K,) headings at (K,) times, rad; None if it has none."""
+        return self._at(time)[0][:, 3] if self.turns else None
 
     def _at(self, time: Array) -> tuple[Array, Array, Array]:
         piece = np.maximum(np.searchsorted(self.begin, time, "right") - 1, 0)
@@ -113,6 +118,11 @@ class Samples:
     def where(self, index: int, file: str, suffix: str = "") -> str:
         """Return the origin of a sample, for messages."""
         return f"{file}:{self.line[index]}{suffix}: {self.time[index]:.2f} s after its start"
+
+
+def is_relative(options: Mapping[str, Any]) -> bool:
+    """Return whether a trajectory begins at each agent's position, by the verb's options."""
+    return bool(options.get("relative", options["format"] == "poly7"))
 
 
 def position_faults(
