@@ -51,7 +51,7 @@ class Program:
         self._number = len(mission.reactions)  # of the program that the agents followed last
         self._direct = np.zeros(n, np.bool_)  # agents that follow no step
         self._goals = Goals.none(n)
-        self._setpoint = Setpoint.none(n)
+        self._setpoint = self._no_setpoint = Setpoint.none(n)
         self._commands: list[Command] = []
         self._free: set[int] = set()
         self._pending = False
@@ -191,11 +191,13 @@ class Program:
 
     def steer(self, plan: Plan) -> Plan:
         """Return a plan with the setpoints that the program has set for this tick."""
+        if self._setpoint is self._no_setpoint:
+            return plan
         rows = self._setpoint.active & ~self._assignments.unassigned
         if not some(rows):
             return plan
         own, planned = self._setpoint, plan.setpoint
-        self._setpoint = Setpoint.none(len(rows))
+        self._setpoint = self._no_setpoint
         column = rows[:, None]
         setpoint = Setpoint(
             np.where(column, own.velocity, planned.velocity),

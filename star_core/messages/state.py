@@ -15,7 +15,7 @@ from typing import Final, Self
 
 import numpy as np
 
-from star_core.messages.arrays import Array, Mask, Rows, Table, column, counted, frozen, table
+from star_core.messages.arrays import Array, Mask, Rows, Table, column, counted, frozen, some, table
 from star_core.messages.rotations import Transform
 from star_core.messages.telemetry import Corrections, Detections, Sightings
 
@@ -180,7 +180,7 @@ class Setpoint(Table):
 
     def following(self, other: Setpoint, rows: Mask) -> Setpoint:
         """Return this setpoint with the trajectory of another in some rows, (N,), and no others."""
-        if other.position is None or other.acceleration is None or not np.count_nonzero(rows):
+        if other.position is None or other.acceleration is None or not some(rows):
             if self.position is None and self.acceleration is None:
                 return self
             return Setpoint.made(self.velocity, self.yaw, self.active)

@@ -135,7 +135,7 @@ def _require_finite(table: Table, text: str, names: Sequence[str], where: Mask) 
     for name in names:
         values = getattr(table, name)
         finite = np.isfinite(values)
-        if np.count_nonzero(finite) == values.size:
+        if every(finite):
             continue
         bad = where & ~finite.reshape(len(values), -1).all(axis=1)
         if bad.any():

@@ -19,6 +19,7 @@ from star_core.geometry.obstacles import footprint as footprint
 from star_core.geometry.obstacles import obstacle_meshes as obstacle_meshes
 from star_core.inner_plugins import check_inner as check_inner
 from star_core.inner_plugins import make_inner as make_inner
+from star_core.messages.arrays import every as every
 from star_core.messages.arrays import frozen as frozen
 from star_core.messages.arrays import some as some
 from star_core.messages.faults import Fault as Fault
@@ -125,6 +126,6 @@ from star_core.world.outlines import outline_fault as outline_fault
 from star_core.world.world import CONTACT_RADIUS as CONTACT_RADIUS
 from star_core.world.world import TAG_RIM as TAG_RIM
 from star_core.world.world import TAG_SIZE as TAG_SIZE
+from star_core.world.world import Beacon as Beacon
 
 __all__: list[str]  # noqa: PYI035 -- of all names above
-from star_core.world.world import Beacon as Beacon

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 import shapely
 
-from star_core.messages.arrays import Array, Mask, Rows, frozen, some
-from star_core.messages.telemetry import Supervisor, Telemetry
-from star_core.toolkit.jit import compiled
+from star_core.messages.arrays import Array, Rows, frozen, some
+from star_core.messages.telemetry import Odometry, Supervisor, Telemetry
+from star_core.toolkit.jit import compiled, subroutine
 
 if TYPE_CHECKING:
     from star_core.world.scene import Scene
@@ -37,13 +37,21 @@ TIME, HEIGHT, CLIMB, Z, VZ, OFFSET, BEGAN, JUMPED, BIAS = range(9)
 corrected; what is added to its heights (m); begin and last jump of a crossing (s), or NaN; and the
 bias of its accelerometer that the ranger corrects (m/s²)."""
 STATES: Final = 9
+FLYING: Final = int(Supervisor.FLYING)
 BIAS_RATE: Final = 0.5  # 1/s, at which it is estimated between crossings
 
 
 @compiled
 def follow(
-    state: Array, flying: Mask, agent: Rows, time: Array, height: Array, climb: Array
-) -> None:
+    state: Array,
+    supervisor: Rows,
+    agent: Rows,
+    time: Array,
+    height: Array,
+    velocity: Array,
+    corrected_height: Array,
+    corrected_climb: Array,
+) -> bool:
     """Correct samples of the on-board estimators, and carry each agent's state through them.
 
     Between the begin and the end of a crossing the heights are reckoned by the acceleration, which
@@ -51,19 +59,25 @@ def follow(
 
     Args:
         state: (N, STATES) changed.
-        flying: (N,) agents in flight; heights of others do not jump.
+        supervisor: (N,) `Supervisor` bits; heights of agents that do not fly do not jump.
         agent: (K,) rows of the samples, each agent's in order of time.
         time: (K,) s.
-        height: (K,) m in the odometry frame; changed.
-        climb: (K,) m/s; changed.
+        height: (K,) m in the odometry frame.
+        velocity: (K, 3) m/s.
+        corrected_height: (K,) the result, m.
+        corrected_climb: (K,) the result, m/s.
+
+    Returns:
+        Whether an agent crosses an edge, or is over another surface than it started from.
     """
     for k in range(len(agent)):
         row = state[agent[k]]
-        now, z, vz = time[k], height[k], climb[k]
+        now, z, vz = time[k], height[k], velocity[k, 2]
+        corrected_height[k], corrected_climb[k] = z, vz
         passed = now - row[TIME]
         if not math.isfinite(z + vz) or passed <= 0.0:
             continue
-        if not flying[agent[k]]:
+        if supervisor[agent[k]] & FLYING == 0:
             row[BEGAN] = math.nan
         elif math.isfinite(passed):
             jump = z - row[HEIGHT] - 0.5 * passed * (vz + row[CLIMB])
@@ -80,7 +94,17 @@ def follow(
         row[TIME], row[HEIGHT], row[CLIMB] = now, z, vz
         if math.isnan(row[BEGAN]):
             row[Z], row[VZ] = z + row[OFFSET], vz
-        height[k], climb[k] = row[Z], row[VZ]
+        corrected_height[k], corrected_climb[k] = row[Z], row[VZ]
+    return _corrects(state)
+
+
+@subroutine
+def _corrects(state: Array) -> bool:
+    """Return whether an agent crosses an edge, or is over another surface."""
+    corrects = False
+    for row in state:
+        corrects = corrects or not math.isnan(row[BEGAN]) or row[OFFSET] != 0.0
+    return corrects
 
 
 class SurfaceHeights:
@@ -106,9 +130,9 @@ class SurfaceHeights:
         self._state = np.full((n, STATES), np.nan)
         self._state[:, [OFFSET, BIAS]] = 0.0
         self._doubt = np.zeros(n)  # m², variance by the surface
+        self._zeros = frozen(np.zeros(n))
         if not self._exact:
-            none = np.zeros(0)
-            follow(self._state, np.zeros(n, bool), np.zeros(0, np.int64), none, none, none)
+            self._follow(frozen(np.zeros(n, np.int64)), Odometry.none())
 
     def correct(self, telemetry: Telemetry, position: Array, covariance: Array) -> SurfaceReport:
         """Return what the agents report, with heights over the surfaces from which they started.
@@ -118,18 +142,14 @@ class SurfaceHeights:
             position: (N, 3) last estimate in the map, m.
             covariance: (N, 3, 3) of it, m².
         """
-        state, odometry = self._state, telemetry.odometry
-        zeros = np.zeros(len(state))
         if self._exact:
-            return SurfaceReport(telemetry, zeros, zeros)
-        flying = telemetry.state & int(Supervisor.FLYING) != 0
-        height, velocity = np.array(odometry.height), np.array(odometry.velocity)
-        climb = np.array(velocity[:, 2])
-        time = np.array(odometry.time)
-        follow(state, flying, np.array(odometry.agent, np.int64), time, height, climb)
+            return SurfaceReport(telemetry, self._zeros, self._zeros)
+        state, odometry = self._state, telemetry.odometry
+        corrects, height, climb = self._follow(telemetry.state, odometry)
+        if not corrects:
+            return SurfaceReport(telemetry, self._zeros, self._doubt)
         crossing = ~np.isnan(state[:, BEGAN])
-        if not (some(crossing) or some(state[:, OFFSET] != 0.0)):
-            return SurfaceReport(telemetry, zeros, self._doubt)
+        velocity = np.array(odometry.velocity)
         velocity[:, 2] = climb
         heard = np.isfinite(state[:, TIME])
         offset = np.where(heard, state[:, Z] - state[:, HEIGHT], 0.0)
@@ -149,7 +169,29 @@ class SurfaceHeights:
             velocity=moves,
             odometry=replace(odometry, height=height, velocity=velocity),
         )
-        return SurfaceReport(corrected, offset, doubt, tuple(messages))
+        return SurfaceReport(
+            corrected,
+            offset,
+            doubt,
+            tuple(messages),
+            frozen(np.column_stack([moved[:, 2], moves[:, 2]])) if some(offset != 0.0) else None,
+        )
+
+    def _follow(self, supervisor: Rows, odometry: Odometry) -> tuple[bool, Array, Array]:
+        """Call `follow`; return whether it corrects samples, and their heights and climbs."""
+        k = len(odometry.agent)
+        height, climb = np.empty(k), np.empty(k)
+        corrects = follow(
+            self._state,
+            supervisor,
+            odometry.agent,
+            odometry.time,
+            odometry.height,
+            odometry.velocity,
+            height,
+            climb,
+        )
+        return corrects, height, climb
 
     def _land_on(self, row: int, position: Array, covariance: Array) -> list[str]:
         """End a crossing: set what is added to the heights, and their variance."""
@@ -183,7 +225,7 @@ class SurfaceHeights:
         return []
 
 
-class SurfaceReport:
+class SurfaceReport(NamedTuple):
     """What agents report, corrected.
 
     Attributes:
@@ -195,20 +237,11 @@ class SurfaceReport:
         heights: For `Estimate.heights`; None if nothing is corrected.
     """
 
-    def __init__(
-        self,
-        telemetry: Telemetry,
-        offset: Array,
-        variance: Array,
-        messages: tuple[str, ...] = (),
-    ) -> None:
-        self.telemetry, self.offset, self.variance = telemetry, offset, variance
-        self.messages = messages
-        self.heights: Array | None = None
-        if some(offset != 0.0):
-            self.heights = frozen(
-                np.column_stack([telemetry.position[:, 2], telemetry.velocity[:, 2]])
-            )
+    telemetry: Telemetry
+    offset: Array
+    variance: Array
+    messages: tuple[str, ...] = ()
+    heights: Array | None = None
 
 
 def _reckoned_variance(duration: Array) -> Array:

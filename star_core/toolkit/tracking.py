@@ -42,11 +42,11 @@ class Tracking:
         self._rate = min(OBSERVER, MOST_OBSERVED / period)
         self._position, self._velocity = np.zeros((n, 3)), np.zeros((n, 3))
         self._drift = np.zeros((n, 3))  # m/s
-        self._rows = np.zeros((n, 1), np.bool_)
+        self._rows = self._none = np.zeros((n, 1), np.bool_)
 
     def forget(self) -> None:
         """Note that no agent follows a trajectory."""
-        self._rows = np.zeros_like(self._rows)
+        self._rows = self._none
 
     def velocity(self, estimate: Estimate, goals: Goals, rows: Mask) -> Array:
         """Return the (N, 3) velocity to fly, m/s, of agents that follow trajectories.

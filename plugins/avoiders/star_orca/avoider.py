@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from star_core import Array, Estimate, Goals, Mask, Scene, Setpoint, Transform
-from star_core.toolkit import frozen, position_margin, with_possible_positions
+from star_core.toolkit import frozen, position_margin, some, with_possible_positions
 from star_orca.kernel import orca
 from star_orca.outlines import outlines
 
@@ -149,7 +149,7 @@ class Orca:
         if self._response > 0.0:
             self._limit_acceleration(result, estimate.velocity, avoids)
         followed = wanted.followed()
-        if np.count_nonzero(followed):  # the rule of the road turns agents that need not avoid
+        if some(followed):  # the rule of the road turns agents that need not avoid
             free = np.abs(solved(0.0) - wish[:n]).max(axis=1) <= ROUNDING
             keep = followed & free
             result[keep] = wanted.velocity[keep]

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from star_core import Array, Estimate, Scene, Telemetry, Transform
-from star_core.toolkit import SurfaceHeights, frozen, some, wrap_angle
+from star_core import Estimate, Scene, Telemetry, Transform
+from star_core.toolkit import SurfaceHeights, every, frozen, some, wrap_angle
 from star_flow.drift import ArtificialError, drift_of
 from star_flow.kernel import follow_moves, warm_up
 from star_flow.target_sightings import TargetSightings
@@ -61,7 +61,7 @@ class Flow:
         yaw = wrap_angle(telemetry.heading + self._map_from_odom.yaw)
         error = self._error.at(telemetry.time)
         valid = telemetry.age <= self._max_report_age
-        if _all_finite(reckoned) and _all_finite(velocity) and _all_finite(yaw):
+        if all(every(np.isfinite(column)) for column in (reckoned, velocity, yaw)):
             self._reckoned, self._position, self._yaw = reckoned, reckoned + error, yaw
         else:
             finite = np.isfinite(reckoned.sum(axis=1) + velocity.sum(axis=1) + yaw)
@@ -87,7 +87,3 @@ class Flow:
             messages=below.messages,
             heights=below.heights,
         )
-
-
-def _all_finite(values: Array) -> bool:
-    return int(np.count_nonzero(np.isfinite(values))) == values.size

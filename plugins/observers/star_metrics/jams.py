@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 
 from star_core import AgentPhase, Array, Rows, Scene, Tick
-from star_core.toolkit import Pairs, position_margin
+from star_core.toolkit import Pairs, every, position_margin
 
 PERIOD: Final = 1.0  # s, between two samples: noise of velocities averages out
 WINDOW: Final = 10.0  # s, over which speeds are averaged
@@ -48,7 +48,7 @@ class Jams:
     def add(self, tick: Tick) -> tuple[str, dict[str, Any]] | None:
         """Return text and details of the event of a jam that begins at a tick."""
         velocity = tick.estimate.velocity
-        if np.count_nonzero(np.isfinite(velocity)) < velocity.size:
+        if not every(np.isfinite(velocity)):
             velocity = np.nan_to_num(velocity)
         self._flown = self._flown + (tick.time - self._time) * velocity[:, :2]
         self._time = tick.time

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from star_core import Array, Tick
+from star_core.toolkit import every
 
 
 class PathLengths:
@@ -32,9 +33,8 @@ class PathLengths:
             step = position - self._last
             length = np.sqrt(np.vecdot(step, step))
             finite = np.isfinite(length)
-            every = np.count_nonzero(finite) == len(finite)
-            self._length += length if every else np.where(finite, length, 0.0)
-        if np.count_nonzero(self._located) < len(self._located):
+            self._length += length if every(finite) else np.where(finite, length, 0.0)
+        if not every(self._located):
             self._located |= np.isfinite(position).all(axis=1)
         self._last = position
 

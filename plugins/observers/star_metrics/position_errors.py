@@ -9,6 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from star_core import AgentPhase, Array, Mask, Tick
+from star_core.toolkit import some
 
 FLYING, LOST = int(AgentPhase.FLYING), int(AgentPhase.LOST)
 NEES_BATCH: Final = 64  # ticks whose errors are normalized together: one call costs as for one
@@ -39,7 +40,7 @@ class PositionErrors:
         """Add the errors of a tick that has a ground truth."""
         phase = tick.health.phase
         self._up = (phase == FLYING) | (self._up & (phase == LOST))
-        if tick.truth is not None and np.count_nonzero(self._up):
+        if tick.truth is not None and some(self._up):
             offset = tick.estimate.position - tick.truth.position
             self._add(offset, tick.estimate.covariance)
 

@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from star_core import Array, Estimate, Goals, Health, Rows, Scene, Status, TaskOutput
-from star_core.toolkit import shortlist, timeout
+from star_core.toolkit import shortlist, some, timeout
 from star_verbs.positions import spread
 from star_verbs.step_agents import DURATION_ERROR, StepAgents, assign
 
@@ -196,7 +196,7 @@ class Goto(Approach):
         if self._to is None or self._target is None:
             return
         target = self.agents.exchanged(estimate, self._target, self._within)
-        if (target != self._target).any():
+        if some(target != self._target):
             self._target = target
             self.goals = self.agents.goals(target, self._yaw, self._speed)
 

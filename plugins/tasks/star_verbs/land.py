@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from star_core import AgentPhase, Array, Command, Estimate, Health, Order, Scene, Status, TaskOutput
-from star_core.toolkit import timeout
+from star_core.toolkit import some, timeout
 from star_verbs.goto import Approach
 from star_verbs.step_agents import StepAgents
 
@@ -41,7 +41,7 @@ class Land:
         if ((phase == GROUNDED) | (phase == LANDED)).all():
             return TaskOutput(status=Status.SUCCESS)
         up = (phase == TAKING_OFF) | (phase == FLYING)
-        if not np.count_nonzero(up):
+        if not some(up):
             return TaskOutput()
         floor = np.where(estimate.valid[rows, None], estimate.position[rows], 0.0)
         floor[:, 2] = 0.0

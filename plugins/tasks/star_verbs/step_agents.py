@@ -8,7 +8,7 @@ from itertools import permutations
 import numpy as np
 
 from star_core import Array, Estimate, Goals, Rows, Scene
-from star_core.toolkit import timeout
+from star_core.toolkit import every, some, timeout
 
 MAX_REST_SPEED = 0.15  # m/s: a slower agent has stopped, within the accuracy of its estimate
 TIE_BREAK = 1e-6  # 1/m: cost of squared distances, which decides between equal totals
@@ -90,12 +90,12 @@ class StepAgents:
         distance = np.sqrt(np.vecdot(away, away))
         distance[~estimate.valid[rows]] = np.inf
         near = distance <= within
-        if np.count_nonzero(near):
+        if some(near):
             velocity = estimate.velocity[rows]
             near &= np.vecdot(velocity, velocity) < MAX_REST_SPEED**2
         self._arrived &= distance <= MAKES_WAY * within
         self._arrived |= near
-        return int(np.count_nonzero(self._arrived)) == len(rows)
+        return every(self._arrived)
 
     def depart(self) -> None:
         """Note that their positions change: none of them has arrived."""

@@ -27,7 +27,7 @@ from star_core import (
     Trajectory,
     Truth,
 )
-from star_core.toolkit import Fault, frozen
+from star_core.toolkit import Fault, every, frozen, some
 from star_sim import commander
 from star_sim.aerodynamics import COLUMNS, Wind
 from star_sim.airframe import STEP, STEPS_PER_CYCLE
@@ -254,7 +254,7 @@ class Simulator:
         now = self._step * STEP
         report(drones, now, attitude, state)
         coming_down = self._queue.coming_down()
-        if np.count_nonzero(coming_down):
+        if some(coming_down):
             state[coming_down] |= int(Supervisor.COMMANDER_FINISHED)
         odometry = self._odometry()
         if self._link is not None:
@@ -337,9 +337,9 @@ class Simulator:
         Raises:
             ContractError: A velocity or yaw of an active row is not finite.
         """
-        finite = np.isfinite(setpoint.velocity).all(axis=1) & np.isfinite(setpoint.yaw)
-        rows = (setpoint.active & ~finite).nonzero()[0]
-        if len(rows):
+        finite = np.isfinite(setpoint.velocity.sum(axis=1) + setpoint.yaw)
+        if not every(finite | ~setpoint.active):
+            rows = np.flatnonzero(setpoint.active & ~finite)
             raise ContractError(f"the setpoint of {self._scene.named(rows)} is not finite")
         active = setpoint.active
         if self._link is not None:
