@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import json
 import logging
-from collections.abc import Callable, Collection, Iterable, Mapping
-from contextlib import AbstractContextManager, nullcontext
-from types import TracebackType
+from collections.abc import Collection, Iterable, Mapping
+from functools import partial
 from typing import Any
 
 from star_core.discovery import Source
@@ -14,7 +13,7 @@ from star_core.errors import ContractError
 from star_core.messages.events import Event, Flight
 from star_core.operator import Operator
 from star_core.plugin_support.compute_time import ComputeTime
-from star_core.plugin_support.guard import PluginTimeout
+from star_core.plugin_support.guard import DroppingGuard
 from star_core.plugin_support.plugin_manager import PluginManager
 
 log = logging.getLogger(__name__)
@@ -38,7 +37,7 @@ class Observers:
         self._compute_time = compute_time
         self.events: list[Event] = []
         self._time = 0.0
-        self._guards: dict[tuple[str, str], _ObserverGuard] = {}
+        self._guards: dict[tuple[str, str], DroppingGuard] = {}
         self._of_flight: dict[str, object] = {}
         self._used: list[object] = []  # results of hooks
         self._measures: dict[str, Any] = {}
@@ -102,13 +101,15 @@ class Observers:
             self._measures |= _measures(result, {*self._taken, *self._measures})
         return result
 
-    def _guard(self, plugin: str, hook: str) -> _ObserverGuard:
+    def _guard(self, plugin: str, hook: str) -> DroppingGuard:
         guard = self._guards.get((plugin, hook))
         if guard is None:
-            watch: AbstractContextManager[None] = nullcontext()
+            watch = None
             if hook != "star_mission_started":  # it may wait, as for a browser
                 watch = self._compute_time.of(f"observer {plugin}", quiet=Source(plugin).own)
-            guard = self._guards[plugin, hook] = _ObserverGuard(watch, self._drop, plugin, hook)
+            guard = self._guards[plugin, hook] = DroppingGuard(
+                partial(self._drop, plugin, hook), watch
+            )
         return guard
 
     def _drop(self, plugin: str, hook: str, error: BaseException) -> None:
@@ -117,42 +118,6 @@ class Observers:
         log.warning("observer %s is dropped for this flight: %s", plugin, why)
         self._manager.remove(plugin)
         self.event("observer", f"{plugin} is dropped: {why}")
-
-
-class _ObserverGuard:
-    """Measures the calls of an observer's hook, and drops the observer if one raises.
-
-    Args:
-        watch: Measures.
-        drop: Receives the plugin, the hook and what was raised.
-        plugin: Name of the plugin.
-        hook: Name of the hook.
-    """
-
-    def __init__(
-        self,
-        watch: AbstractContextManager[None],
-        drop: Callable[[str, str, BaseException], None],
-        plugin: str,
-        hook: str,
-    ) -> None:
-        self._begin, self._end = watch.__enter__, watch.__exit__
-        self._drop, self._plugin, self._hook = drop, plugin, hook
-
-    def __enter__(self) -> None:
-        self._begin()
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> bool:
-        self._end(kind, error, trace)
-        if not isinstance(error, Exception | SystemExit | PluginTimeout):
-            return False
-        self._drop(self._plugin, self._hook, error)
-        return True
 
 
 def _measures(measures: Mapping[str, Any], taken: Iterable[str]) -> dict[str, Any]:

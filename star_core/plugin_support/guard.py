@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from types import MappingProxyType, TracebackType
-from typing import Any, TypeVar
+from typing import Any, Final, TypeVar
 
 from star_core.errors import CommandError, ContractError, PluginError, StarError
 
@@ -24,6 +24,10 @@ class PluginTimeout(BaseException):
 
     The call's `PluginGuard` turns it into a `PluginError`.
     """
+
+
+FAILURES: Final = (Exception, SystemExit, PluginTimeout)
+"""What a plugin can fail by; anything else, such as the operator's interrupt, is not its own."""
 
 
 class Strikes:
@@ -65,7 +69,38 @@ class Strikes:
         return drained
 
 
-class PluginGuard:
+class _TimedCall:
+    """Measures the time spent inside by a stopwatch, if there is one."""
+
+    def __init__(self, stopwatch: AbstractContextManager[Any] | None) -> None:
+        stopwatch = stopwatch or nullcontext()
+        self._begin: Callable[[], object] = stopwatch.__enter__
+        self._end: Callable[..., object] = stopwatch.__exit__
+
+    def __enter__(self) -> None:
+        self._begin()
+
+
+class DroppingGuard(_TimedCall):
+    """Suppresses what a plugin raises inside, and passes it to `drop`."""
+
+    def __init__(
+        self,
+        drop: Callable[[BaseException], None],
+        stopwatch: AbstractContextManager[Any] | None,
+    ) -> None:
+        super().__init__(stopwatch)
+        self._drop = drop
+
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> bool:
+        self._end(kind, error, trace)
+        if not isinstance(error, FAILURES):
+            return False
+        self._drop(error)
+        return True
+
+
+class PluginGuard(_TimedCall):
     """Turns any exception raised inside into a `PluginError` that names the plugin.
 
     >>> with PluginGuard("avoider 'mine' (1.0)"):
@@ -83,19 +118,11 @@ class PluginGuard:
         plugin: str,
         stopwatch: AbstractContextManager[Any] | None = None,
     ) -> None:
+        super().__init__(stopwatch)
         self.plugin = plugin
-        stopwatch = stopwatch or nullcontext()
-        self._begin: Callable[[], object] = stopwatch.__enter__
-        self._end: Callable[..., object] = stopwatch.__exit__
-
-    def __enter__(self) -> None:
-        self._begin()
 
     def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
+        self, kind: object, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._end(kind, error, trace)
         if error is not None:
@@ -122,7 +149,7 @@ class PluginGuard:
 
     def _attribute(self, error: BaseException, trace: TracebackType | None) -> None:
         """Raise the `PluginError` for an error of the plugin."""
-        if not isinstance(error, Exception | SystemExit | PluginTimeout):
+        if not isinstance(error, FAILURES):
             return
         log.debug("%s raised", self.plugin, exc_info=error)
         if isinstance(error, StarError):
