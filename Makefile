@@ -8,7 +8,7 @@ FLIGHTS ?= 100
 
 .DEFAULT_GOAL := help
 unexport PYTHONDONTWRITEBYTECODE  # the tests start many processes
-.PHONY: help fly test check generated pictures docs air bench campaign faults link-cuts mocap onboard preflight imported guardian safe-defaults killed-studies mutants scenarios fuzz soak lowest clean
+.PHONY: help fly test check generated pictures looked-at docs air bench campaign faults link-cuts mocap onboard preflight imported guardian safe-defaults killed-studies mutants scenarios fuzz soak lowest clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 12
@@ -47,6 +47,9 @@ generated: $(VENV)/.ready  ## write the files that are made from the code: schem
 
 pictures: $(VENV)/.ready  ## make the pictures of README and docs/ anew (needs Chromium); minutes
 	$(BIN)/python docs/site/pictures.py
+
+looked-at: docs  ## make pictures of every page and of the terminal in build/looked-at, to be looked at (needs Chromium, tmux, pdftoppm); minutes
+	$(BIN)/python docs/site/looked_at.py
 
 docs: $(VENV)/.ready  ## build the documentation into build/docs; warnings are errors
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict

@@ -17,6 +17,9 @@ LOOPBACK: Final = "127.0.0.1"
 BACKGROUND: Final = {False: (247, 247, 245), True: (26, 28, 32)}  # by whether the page is dark
 HEIGHT: Final = 0.3  # m above the floor, of the point that the camera looks at
 FIELD_OF_VIEW: Final = 0.9  # rad, vertical
+EYE: Final = np.array([-0.28, -0.68, 0.64])  # of the camera, times the room's diagonal
+AWAY: Final = 2.4  # times as far, on a phone
+PAN: Final = 0.7 * np.array([0.25, 0.61, 0.75])  # lower in the image, times the room's diagonal
 
 
 class Page(viser.ViserServer):
@@ -66,8 +69,16 @@ def open_page(world: World, port: int, title: str, token: str | None = None) -> 
     camera = server.initial_camera
     camera.fov = FIELD_OF_VIEW
     target = np.array([*centre[:2], low[2] + HEIGHT])
-    camera.position = tuple(target + extent * np.array([-0.28, -0.68, 0.64]))
+    camera.position = tuple(target + extent * EYE)
     camera.look_at = tuple(target)
+
+    def step_back(client: viser.ClientHandle) -> None:
+        if client.camera.aspect < 1.0:  # a phone's, on which viser's panel covers the lower half
+            lower = target - extent * PAN
+            client.camera.position = tuple(lower + extent * EYE * AWAY)
+            client.camera.look_at = tuple(lower)
+
+    server.on_client_connect(step_back)
     add_world(page, world)
     return server
 

@@ -21,7 +21,7 @@ from star_import.obstacles import Wall, has_inside, walls
 from star_import.output_files import OutputFiles, Room, around, corners
 from star_import.records import Record, records
 from star_import.robots import Robot, command_line_agents, positioning, robots
-from star_import.sources import Sources
+from star_import.sources import Sources, misspelled
 from star_import.steps import Steps
 from star_import.tags import EDGE, Reading, Sheet, sheets
 from star_import.text import Line
@@ -346,6 +346,11 @@ def _log_sources(sources: Sources, log: ImportLog) -> None:
         why = "is an option of another detector"
         log.ignore_keys(tags, {"family", "size"}, why=why)
     for path in sources.others:
+        if near := misspelled(path):
+            line, key, meant = near
+            text = f"is not imported: unknown key {key!r}; did you mean {meant!r}?"
+            log.changed(f"{path}:{line}:1", text)
+            continue
         log.ignored(str(path.parent), "no files of the original STAR or Crazyswarm2", path.name)
 
 

@@ -6,6 +6,7 @@ import os
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Final, TypeAlias
 
@@ -33,6 +34,7 @@ FLOWN: Final = {"mission", "environment", "robots", "stations", "anchors"}
 OWN: Final = frozenset({"star", "mission", "swarm", "world", "agents", "drones"})
 """Keys of STAR's own files."""
 KEY: Final = re.compile(rb"^(/?[A-Za-z_0-9]+)[ \t]*:", re.MULTILINE)
+SIMILAR: Final = 0.8  # of a key to that which is probably meant, by `difflib`
 HEADER: Final = "duration"  # begins Crazyswarm2's trajectories
 LONGEST: Final = 1_000_000  # bytes of a file, the most that is read
 DEEPEST: Final = 4  # folders below the one that is named
@@ -145,14 +147,35 @@ def recognizes(path: Path) -> bool:
 
 def sorts_of(path: Path) -> set[str]:
     """Return what kinds of files one may be, by the words at the beginnings of its lines."""
+    keys = _keys(path)
+    return set() if keys.keys() & OWN else _sorts(keys)
+
+
+def misspelled(path: Path) -> tuple[int, str, str] | None:
+    """Return line and key of a file of no known kind, and the key that is probably meant."""
+    keys = _keys(path)
+    if keys.keys() & OWN:
+        return None
+    marks = [mark for sort in SORTS.values() for mark in sorted(sort)]
+    for key, line in keys.items():
+        if close := get_close_matches(key.lower(), marks, n=1, cutoff=SIMILAR):
+            return line, key, close[0]
+    return None
+
+
+def _keys(path: Path) -> dict[str, int]:
+    """Return the words at the beginnings of a YAML file's lines, with the numbers of the lines."""
     if path.suffix not in {".yaml", ".yml"} or not path.is_file():
-        return set()
+        return {}
     try:
         with path.open("rb") as stream:
-            keys = {key.decode() for key in KEY.findall(stream.read(LONGEST))}
+            text = stream.read(LONGEST)
     except OSError:
-        return set()
-    return set() if keys & OWN else _sorts(keys)
+        return {}
+    keys: dict[str, int] = {}
+    for match in KEY.finditer(text):
+        keys.setdefault(match[1].decode(), text.count(b"\n", 0, match.start()) + 1)
+    return keys
 
 
 def _sorts(keys: Collection[str]) -> set[str]:

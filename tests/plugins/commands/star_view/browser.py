@@ -29,6 +29,7 @@ class Browser:
 
     Args:
         address: Of the page.
+        camera: Fields of its camera that are not those of `CAMERA`.
 
     Attributes:
         controls: Messages that added the controls of the panel, by label.
@@ -37,14 +38,16 @@ class Browser:
         nodes: Names of the objects of the scene.
     """
 
-    def __init__(self, address: str) -> None:
+    def __init__(self, address: str, **camera: Any) -> None:
         self._socket = connect(
             parse_qs(urlsplit(address).query)["websocket"][0],
             subprotocols=[Subprotocol(f"viser-v{viser.__version__}")],
             compression=None,
             max_size=None,
         )
-        self.send("ViewerCameraMessage", **CAMERA)  # a browser that shows nothing has no say
+        self.send(
+            "ViewerCameraMessage", **(CAMERA | camera)
+        )  # a browser that shows nothing has no say
         self.controls: dict[str, dict[str, Any]] = {}
         self.texts: dict[str, str] = {}
         self.markdown: dict[str, str] = {}

@@ -74,6 +74,17 @@ def test_agents_are_where_they_were_at_the_time_of_the_slider(viewer: Replay) ->
     assert "goto cf1" in viewer.status.content
 
 
+@pytest.mark.parametrize("width", [400, 1400])
+def test_a_phone_shows_the_room_above_the_panel(viewer: Replay, width: int) -> None:
+    def away() -> float:
+        (client,) = viewer.server.get_clients().values()
+        return math.dist(client.camera.position.tolist(), client.camera.look_at.tolist())
+
+    with Browser(viewer.server.address, image_width=width, image_height=800):
+        assert eventually(viewer.server.get_clients)
+        assert eventually(lambda: away() > 6.0) if width < 800 else away() < 6.0  # m
+
+
 def test_ellipsoids_are_two_standard_deviations(viewer: Replay) -> None:
     viewer.show(300)
     std = viewer._run.arrays["estimate_position_std"][300, 1]

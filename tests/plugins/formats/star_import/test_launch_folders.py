@@ -75,6 +75,23 @@ def test_missions_that_can_be_imported_are_beside_refused_ones(
 
 
 @pytest.mark.usefixtures("folder")
+def test_a_file_with_a_misspelt_key_is_not_just_ignored(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (folder / "mission/out.yaml").write_text("# of two\ncomand_sequence: []\n")
+    (folder / "mine.yaml").write_text("star: 1\nrobotz: {}\n")
+    status, answer = imported(capsys, "launch")
+    assert status == 0
+    (note,) = (note for note in answer["notes"] if "did you mean" in note["message"])
+    assert (note["severity"], note["file"], note["line"]) == (
+        "changed",
+        "launch/mission/out.yaml",
+        2,
+    )
+    assert note["message"].endswith("'comand_sequence'; did you mean 'command_sequence'?")
+
+
+@pytest.mark.usefixtures("folder")
 def test_the_list_is_a_table_by_severity(capsys: pytest.CaptureFixture[str]) -> None:
     assert star(["import", "launch", "--environment", "hall"]) == 2
     *rows, written, summary = capsys.readouterr().out.splitlines()
