@@ -180,7 +180,7 @@ class VehicleInterface:
         if estimate.heights is not None:  # climb by what the agent takes for its climb
             velocity = odom.velocity.copy()
             error = telemetry.velocity[:, 2] - estimate.heights[:, 1]
-            velocity[:, 2] += np.where(np.isfinite(error), error, 0.0)
+            velocity[:, 2] += np.where(estimate.valid & np.isfinite(error), error, 0.0)
             odom = replace(odom, velocity=frozen(velocity))
         if setpoint.position is not None and setpoint.acceleration is not None:
             odom = replace(

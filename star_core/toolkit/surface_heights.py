@@ -26,23 +26,27 @@ CLIMB_PER_JUMP: Final = 11.6  # 1/s, by a Kalman filter with the firmware's nois
 SETTLED: Final = 0.25  # s after the last jump, from when the on-board height is right again
 LONGEST: Final = 2.0  # s, of one crossing: then it is over, however the height changes
 
+DEEPEST: Final = 0.5
+"""How far below the floor, or above the drone, a surface may be measured, m. Beyond, a sample is no
+measurement, and nothing follows from it: drones whose reports are random would climb by them."""
+
 BEAM: Final = math.radians(13.5)  # half of the VL53L1X's field of view
 REACH: Final = 3.0  # standard deviations of the position, within which edges are below
 STEP_STD: Final = 0.03  # m, of a height that is reckoned over an edge, and
 STEP_STD_PER_TIME: Final = 0.10  # m/s
 GATE: Final = 3.0  # standard deviations from the next surface of the map, for another surface
 
-TIME, HEIGHT, CLIMB, Z, VZ, OFFSET, BEGAN, JUMPED, BIAS = range(9)
+TIME, HEIGHT, CLIMB, Z, VZ, OFFSET, BEGAN, JUMPED, BIAS, GROUND = range(10)
 """Columns of an agent's state: time (s), height (m) and climb (m/s) of its last sample, the same
-corrected; what is added to its heights (m); begin and last jump of a crossing (s), or NaN; and the
-bias of its accelerometer that the ranger corrects (m/s²)."""
-STATES: Final = 9
+corrected; what is added to its heights (m); begin and last jump of a crossing (s), or NaN; the
+bias of its accelerometer that the ranger corrects (m/s²); and z of its odometry frame (m)."""
+STATES: Final = 10
 FLYING: Final = int(Supervisor.FLYING)
 BIAS_RATE: Final = 0.5  # 1/s, at which it is estimated between crossings
 
 
 @compiled
-def follow(
+def follow(  # noqa: C901 -- the samples of all agents, in one pass
     state: Array,
     supervisor: Rows,
     agent: Rows,
@@ -81,16 +85,24 @@ def follow(
             row[BEGAN] = math.nan
         elif math.isfinite(passed):
             jump = z - row[HEIGHT] - 0.5 * passed * (vz + row[CLIMB])
-            if abs(jump) > LEAST_JUMP + JUMP_PER_SQUARE_TIME * passed * passed:
-                if math.isnan(row[BEGAN]):
-                    row[BEGAN], row[Z], row[VZ] = row[TIME], row[HEIGHT] + row[OFFSET], row[CLIMB]
-                row[JUMPED] = now
-            if not math.isnan(row[BEGAN]):
-                reckoned = row[VZ] + vz - row[CLIMB] - CLIMB_PER_JUMP * jump + passed * row[BIAS]
-                row[Z] += 0.5 * passed * (reckoned + row[VZ])
-                row[VZ] = reckoned
+            before = row[OFFSET] if math.isnan(row[BEGAN]) else row[Z] - row[HEIGHT]
+            if row[GROUND] + before - jump < -DEEPEST or z < -DEEPEST:  # no surface
+                if passed < LONGEST:
+                    continue
+                row[BEGAN] = math.nan
             else:
-                row[BIAS] += BIAS_RATE * (CLIMB_PER_JUMP * jump - passed * row[BIAS])
+                if abs(jump) > LEAST_JUMP + JUMP_PER_SQUARE_TIME * passed * passed:
+                    if math.isnan(row[BEGAN]):
+                        row[BEGAN], row[VZ] = row[TIME], row[CLIMB]
+                        row[Z] = row[HEIGHT] + row[OFFSET]
+                    row[JUMPED] = now
+                unexplained = CLIMB_PER_JUMP * jump - passed * row[BIAS]
+                if not math.isnan(row[BEGAN]):
+                    reckoned = row[VZ] + vz - row[CLIMB] - unexplained
+                    row[Z] += 0.5 * passed * (reckoned + row[VZ])
+                    row[VZ] = reckoned
+                else:
+                    row[BIAS] += BIAS_RATE * unexplained
         row[TIME], row[HEIGHT], row[CLIMB] = now, z, vz
         if math.isnan(row[BEGAN]):
             row[Z], row[VZ] = z + row[OFFSET], vz
@@ -126,9 +138,11 @@ class SurfaceHeights:
         n = len(scene.agents)
         self._agents, self._obstacles = scene.agents, scene.world.obstacles
         self._ground = np.array([agent.start[2] for agent in scene.agents])
+        self._ceiling = float(scene.world.fence.high[2])
         self._exact = scene.exact_odometry or not scene.heights_above_surface
         self._state = np.full((n, STATES), np.nan)
         self._state[:, [OFFSET, BIAS]] = 0.0
+        self._state[:, GROUND] = self._ground
         self._doubt = np.zeros(n)  # m², variance by the surface
         self._zeros = frozen(np.zeros(n))
         if not self._exact:
@@ -199,6 +213,8 @@ class SurfaceHeights:
         variance = _reckoned_variance(state[TIME] - state[BEGAN])
         state[BEGAN] = np.nan
         measured = self._ground[row] + state[Z] - state[HEIGHT]  # m, height of the surface
+        if measured > self._ceiling:
+            return []
         above = max(state[HEIGHT], 0.0)
         spread = math.sqrt(float(np.linalg.eigvalsh(covariance[:2, :2])[-1]))
         spread = math.hypot(spread, above * math.tan(BEAM))

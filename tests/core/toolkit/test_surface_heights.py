@@ -14,6 +14,7 @@ from star_core.testing import inputs
 from star_core.toolkit import SurfaceHeights
 
 HEIGHT, SPEED, CYCLE = 1.2, 0.5, 0.01  # m, m/s, s
+HERE = np.array([[0.0, 0.0, HEIGHT]])
 COVARIANCE = np.diag([0.05, 0.05, 0.02])[None] ** 2
 
 
@@ -128,6 +129,26 @@ def test_heights_over_the_floor_stay_as_reported() -> None:
     report = telemetry(0.0, HEIGHT, 0.0)
     assert follower.correct(report, np.zeros((1, 3)), COVARIANCE).telemetry is report
     assert flown(with_table(), {}).variance.max() == 0.0
+
+
+@pytest.mark.parametrize("height", [40.0, -3.0, HEIGHT + 0.7])
+def test_what_no_surface_explains_is_not_measured(height: float) -> None:
+    follower = SurfaceHeights(with_table())
+    for time, reported in ((0.0, HEIGHT), (0.05, HEIGHT), (0.1, height), (0.15, HEIGHT)):
+        report = telemetry(time, reported, 0.0)
+        zero = np.zeros(1)
+        odometry = Odometry(
+            agent=np.zeros(1, np.int64),
+            time=np.array([time]),
+            velocity=np.array([[SPEED, 0.0, 0.0]]),
+            yaw_rate=zero,
+            roll=zero,
+            pitch=zero,
+            height=np.array([reported]),
+        )
+        surfaces = follower.correct(replace(report, odometry=odometry), HERE, COVARIANCE)
+        assert surfaces.telemetry.position[0, 2] == reported
+        assert (surfaces.heights, surfaces.messages) == (None, ())
 
 
 def test_exact_odometry_is_never_corrected() -> None:

@@ -177,6 +177,14 @@ def test_random_reports_keep_the_last_located_position(tmp_path: Path) -> None:
     assert not any(located)
 
 
+@pytest.mark.parametrize("seed", [14, 24])
+def test_a_drone_whose_reports_are_random_does_not_climb(tmp_path: Path, seed: int) -> None:
+    garbage = {"component": "telemetry", "mode": "garbage", "agents": "cf2", "at": 3.5}
+    flight = flown(tmp_path, garbage, seed=seed, transport="sim")
+    heights = [tick.truth.position[1, 2] for tick in flight.ticks if tick.truth is not None]
+    assert max(heights) < 0.8  # m, from a hover at 0.6 m
+
+
 def test_a_planner_that_is_stuck_fails_as_one_that_raises(tmp_path: Path) -> None:
     there = {"goto": {"agents": "cf4", "to": [2.0, 0, 0.6], "timeout": 60}}  # far from the fence
     stuck = {"component": "plugin", "plugin": "planner", "mode": "stuck", "at": 3.0}
