@@ -27,8 +27,8 @@ SLIP_X, SLIP_Y = 6, 7
 # Factor of velocities: its deviation from 1, its rotation, rad, and its deviation on this floor.
 SCALE, TURN, FLOOR = 8, 9, 10
 YAW_BIAS = 11  # subtracted from yaw rates, rad/s
-# Errors of the velocity over the yaw rate, m: the lever arm of the flow sensor, and a tilt error
-# that is constant in the body, with which the on-board estimator has to keep up as it turns.
+# Errors of the velocity over the lagged turn, m: by an accelerometer error that is constant in the
+# body, which the on-board estimator balances by its tilt, and has to anew as it turns.
 ARM_X, ARM_Y = 12, 13
 # Errors of the on-board velocity that last for minutes, to be subtracted, m/s, in the level body
 # frame: by the bias of the gyro, with which the on-board estimator has to keep up, and of the flow.
@@ -147,7 +147,7 @@ def body_velocity(anchor: Anchor, sample: OdometrySample) -> complex:
     vx, vy, _ = sample.velocity.tolist()
     slip_x, slip_y, arm_x, arm_y = anchor.mean[[SLIP_X, SLIP_Y, ARM_X, ARM_Y]].tolist()
     slip_x, slip_y = slip_x + float(anchor.mean[DRIFT_X]), slip_y + float(anchor.mean[DRIFT_Y])
-    turning = complex(-arm_y, arm_x) * (sample.yaw_rate - anchor.yaw_bias)
+    turning = complex(arm_x, arm_y) * sample.swing
     return complex(vx, vy) * anchor.factor - complex(slip_x, slip_y) - turning
 
 
@@ -172,10 +172,9 @@ def carried(anchor: Anchor, time: float, track: OdometryTrack) -> tuple[Anchor, 
     by[[SLIP_X, SLIP_Y]] = slipped, 1j * slipped
     by[[SCALE, TURN, FLOOR]] = along, 1j * along, on_floor * along
     slip_x, slip_y, arm_x, arm_y = anchor.mean[[SLIP_X, SLIP_Y, ARM_X, ARM_Y]].tolist()
-    end = blind * heading * cmath.rect(1.0, motion.turn)
-    by[ARM_X] = blind * heading - end
+    by[ARM_X] = -heading * motion.swing
     by[ARM_Y] = 1j * by[ARM_X]
-    by[YAW_BIAS] = 1j * (end * complex(arm_x, arm_y) * took - heading * motion.moment)
+    by[YAW_BIAS] = -1j * heading * motion.moment
     by[DRIFT_X] = -heading * motion.blind_duration * cmath.rect(1.0, motion.turn / 2)
     by[DRIFT_Y] = 1j * by[DRIFT_X]
     drift_x, drift_y = anchor.mean[[DRIFT_X, DRIFT_Y]].tolist()

@@ -7,6 +7,7 @@ from typing import Final
 import numpy as np
 
 from star_apriltag.dead_reckoning import (
+    ARM_STD,
     DRIFT_STD,
     FLOOR_LENGTH,
     FLOOR_STD,
@@ -52,8 +53,9 @@ def expected_std(
     While a level drone has a landmark's tag in its image, it is `SEEN_STD`. Since then, the errors
     of dead reckoning grow: white noise with the time and with the height, errors of the velocity
     with the time, the floor's texture with the length of the path, and scale and heading, as
-    uncertain as before they are calibrated in flight, with the displacement. Obstacles hide
-    tags; floor odometry, which needs texture, does not help.
+    uncertain as before they are calibrated in flight, with the displacement and, of a displacement
+    that turns with the body, with the heading. Obstacles hide tags; floor odometry, which needs
+    texture, does not help.
 
     Args:
         scene: Agents with their cameras, and landmarks.
@@ -69,17 +71,18 @@ def expected_std(
         if agent.camera is not None:
             visible = _sees(scene, agent.camera, tags, position[:, row], yaw[:, row])
         height = position[:, row, 2] - agent.start[2]
-        std[:, row] = _along(time, position[:, row, :2], height, visible)
+        std[:, row] = _along(time, position[:, row, :2], height, yaw[:, row], visible)
     return std
 
 
-def _along(time: Array, position: Array, height: Array, visible: Mask) -> Array:
+def _along(time: Array, position: Array, height: Array, yaw: Array, visible: Mask) -> Array:
     """Return the standard deviation along a path, by where tags are seen: (T,) m.
 
     Args:
         time: (T,) s.
         position: (T, 2) positions, m.
         height: (T,) m.
+        yaw: (T,) rad.
         visible: (T,) whether a tag is in the image.
     """
     step = np.hypot(*np.diff(position, axis=0, prepend=position[:1]).T)
@@ -94,7 +97,8 @@ def _along(time: Array, position: Array, height: Array, visible: Mask) -> Array:
         away = float(((position[k] - position[since]) ** 2).sum())
         grown = noise[k] - noise[since] + PER_LENGTH * (length[k] - length[since])
         grown += (DRIFT_STD * (time[k] - time[since])) ** 2
-        std[k] = np.sqrt(base + grown + area * away)
+        turned = 2 * (1 - np.cos(yaw[k] - yaw[since]))
+        std[k] = np.sqrt(base + grown + area * away + ARM_STD**2 * turned)
     return std
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cmath
 import math
 from typing import Final, NamedTuple
 
@@ -11,12 +12,20 @@ from star_core import Array, Odometry, Rows, Telemetry, Transform
 from star_core.toolkit import wrap_angle
 
 CAPACITY: Final = 1 << 13  # samples: 82 s at 100 Hz, well beyond the longest gap between fixes
-COLUMNS: Final = 10  # time, velocity, yaw rate, roll, pitch, height, whether blind, whether at rest
+COLUMNS: Final = 12
+"""Time, velocity, yaw rate, roll, pitch, height, whether blind, whether at rest, and the lagged
+turn's velocity as real and imaginary parts."""
 
 TILT_SAMPLES: Final = 2  # before and after one, by which roll and pitch are differentiated
 
 MAX_REST_SPEED: Final = 0.05  # m/s, of an agent at rest with its motors off
 MAX_REST_RATE: Final = math.radians(3.0)  # rad/s, likewise
+
+# How an estimator on board corrects its velocity (1/s) and, by its tilt, its acceleration (1/s²)
+# by the difference between the flow sensor and itself: what the firmware's filter settles at.
+VELOCITY_CORRECTION: Final = 2.84
+TILT_CORRECTION: Final = 2.94
+MAX_LAG_STEP: Final = 0.5  # s between two samples, after a longer time no lag is left
 
 
 class Motion(NamedTuple):
@@ -30,6 +39,9 @@ class Motion(NamedTuple):
     blind_duration: float  # likewise, s
     blind_shift: complex = 0j  # share of the displacement that only the flow sensor measured, m
     moment: complex = 0j  # integral of the time since the start over the displacement, m s
+    swing: complex = 0j
+    """Displacement of a point 1 m ahead by `LaggedTurn`, while only the flow sensor measured, m; by
+    the yaw rate as measured."""
     height: float = 0.0  # z in the odometry frame, at the end, m
 
 
@@ -42,6 +54,7 @@ class OdometrySample(NamedTuple):
     velocity: Array  # (3,) in the level body frame, m/s
     yaw_rate: float  # rad/s
     tilt_rate: tuple[float, float] = (0.0, 0.0)  # of roll and pitch, rad/s
+    swing: complex = 0j  # lagged velocity of a point 1 m ahead in the body, m/s
 
 
 class OdometryTrack:
@@ -55,6 +68,7 @@ class OdometryTrack:
     def __init__(self) -> None:
         self._rows = np.zeros((2 * CAPACITY, COLUMNS))
         self._end = 0
+        self._turn = LaggedTurn()
 
     def add(self, odometry: Odometry, rows: Rows, *, motors: bool = True) -> None:
         """Add the samples in `rows` of `odometry`.
@@ -77,11 +91,15 @@ class OdometryTrack:
                 odometry.height[rows],
                 np.ones(len(rows)),
                 rests,
+                np.zeros((len(rows), 2)),
             ]
         )
         table = table[np.isfinite(table).all(axis=1)]
         newer = np.maximum.accumulate(np.append(self.newest, table[:-1, 0])) < table[:, 0]
         table = table[newer][-CAPACITY:]
+        for row in table:
+            swing = self._turn.follow(float(row[0]), float(row[4]))
+            row[10], row[11] = swing.real, swing.imag
         self._make_room(len(table))
         self._rows[self._end : self._end + len(table)] = table
         self._end += len(table)
@@ -117,7 +135,10 @@ class OdometryTrack:
         blind = rows[:, 8]
         steps = np.where(blind > 0, scale, 1.0) * (rows[:, 1] + 1j * rows[:, 2]) * took
         lengths = np.abs(steps)
-        turned = np.exp(1j * (after - turns / 2)) * steps
+        toward = np.exp(1j * (after - turns / 2))
+        turned = toward * steps
+        passed = np.cumsum(took)
+        biased = np.exp(1j * yaw_bias * (passed - took / 2))
         return Motion(
             shift=complex(turned.sum()),
             turn=float(after[-1]),
@@ -126,8 +147,9 @@ class OdometryTrack:
             blind_length=float(lengths @ blind),
             blind_duration=float(took @ blind),
             blind_shift=complex(turned @ blind),
-            moment=complex((np.cumsum(took) - took / 2) @ turned),
+            moment=complex((passed - took / 2) @ turned),
             height=float(rows[-1, 7]),
+            swing=complex((toward * biased * (rows[:, 10] + 1j * rows[:, 11])) @ (took * blind)),
         )
 
     def correct(self, begin: float, end: float, shift: complex, *, yaw_bias: float) -> None:
@@ -181,7 +203,41 @@ class OdometryTrack:
         around = self._rows[max(k - TILT_SAMPLES, 0) : min(k + TILT_SAMPLES + 1, self._end)]
         took = max(float(around[-1, 0] - around[0, 0]), MIN_INTERVAL)
         turned = ((around[-1, 5:7] - around[0, 5:7]) / took).tolist()
-        return OdometrySample(roll, pitch, height, row[1:4], float(row[4]), (turned[0], turned[1]))
+        swing = complex(row[10], row[11])
+        rate = float(row[4])
+        return OdometrySample(roll, pitch, height, row[1:4], rate, (turned[0], turned[1]), swing)
+
+
+class LaggedTurn:
+    """Follows how an error that is constant in the body shows in an estimate, as the body turns.
+
+    A constant error of the accelerometer is balanced by an error of the estimated tilt. When the
+    body turns, that tilt is wrong until the flow sensor has corrected it, within a second: the
+    estimated position moves as a point of the body would, but later. In the map, the velocity ``w``
+    of a point 1 m ahead, with heading ``psi``, follows ``dw/dt = q - k w`` and ``dq/dt = t (d/dt
+    exp(i psi) - w)``, with `VELOCITY_CORRECTION` ``k`` and `TILT_CORRECTION` ``t``.
+    """
+
+    def __init__(self) -> None:
+        self._time = -math.inf
+        self._swing = self._push = 0j  # in the level body frame: m/s and m/s²
+
+    def follow(self, time: float, yaw_rate: float) -> complex:
+        """Return the lagged velocity in the level body frame, m/s, after a sample.
+
+        Args:
+            time: s, later than the last.
+            yaw_rate: Since the last, rad/s.
+        """
+        took, self._time = time - self._time, time
+        if took > MAX_LAG_STEP:
+            self._swing = self._push = 0j
+            return 0j
+        back = cmath.rect(1.0, -yaw_rate * took)
+        self._swing *= back
+        self._push = back * self._push + TILT_CORRECTION * (1 - back - took * self._swing)
+        self._swing += took * (self._push - VELOCITY_CORRECTION * self._swing)
+        return self._swing
 
 
 MAX_SILENCE: Final = 0.5  # s without a sample, after which reports replace the stream

@@ -110,7 +110,7 @@ def test_learnt_gyro_bias_does_not_turn_agents_at_rest(state: int, turned: float
     learnt = -made._reckoners[0].anchor.yaw_bias
     assert abs(learnt) > math.radians(0.2)
     assert estimate.yaw[0] - yaw == pytest.approx(turned * learnt, abs=math.radians(1.0))
-    assert estimate.position == pytest.approx(before.position, abs=1e-3)
+    assert estimate.position == pytest.approx(before.position, abs=2e-3)  # in a minute
 
 
 def test_where_its_odometry_frame_lies_makes_up_for_drift() -> None:
