@@ -35,30 +35,47 @@ def test_missions_fly_from_python(
     assert sorted(folder.name for folder in Path("runs").iterdir()) == ["radius-0.2", "radius-0.3"]
 
 
-def run_notebook(name: str, folder: Path) -> list[Any]:
-    """Run a notebook in a folder; return the outputs of its cells."""
-    notebook = nbformat.reads((EXAMPLES / name).read_text(), as_version=4)  # type: ignore[no-untyped-call]
-    client = NotebookClient(notebook, timeout=300, resources={"metadata": {"path": str(folder)}})
+@pytest.fixture(scope="module")
+def notebooks(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, list[Any]]]:
+    """The folder in which the notebooks ran, and the outputs of the cells of each.
+
+    They run in one kernel, which takes longer to start than either: no name is left to the next.
+    """
+    folder = tmp_path_factory.mktemp("notebooks")
+    every = nbformat.v4.new_notebook()  # type: ignore[no-untyped-call]
+    names: dict[str, list[Any]] = {}
+    for path in sorted(EXAMPLES.glob("*.ipynb")):
+        cells = nbformat.reads(path.read_text(), as_version=4).cells  # type: ignore[no-untyped-call]
+        names[path.stem] = cells
+        every.cells += [*cells, nbformat.v4.new_code_cell("%reset -f")]  # type: ignore[no-untyped-call]
+    client = NotebookClient(every, timeout=300, resources={"metadata": {"path": str(folder)}})
     client.execute(env=os.environ | {"MPLCONFIGDIR": str(folder)})
-    return [output for cell in notebook.cells for output in cell.get("outputs", ())]
+    return folder, {
+        name: [output for cell in cells for output in cell.get("outputs", ())]
+        for name, cells in names.items()
+    }
 
 
-def test_the_notebook_runs_and_draws(tmp_path: Path) -> None:
-    outputs = run_notebook("fly_and_plot.ipynb", tmp_path)
+def test_the_notebook_runs_and_draws(notebooks: tuple[Path, dict[str, list[Any]]]) -> None:
+    folder, outputs_of = notebooks
+    outputs = outputs_of["fly_and_plot"]
     pictures = [output for output in outputs if "image/png" in output.get("data", {})]
     printed = "".join(o.get("text", "") for o in outputs if o.get("name") == "stdout")
     assert len(pictures) == 3
     assert printed.startswith("cf1 cf2 cf3 fly in lab-4x4\ncompleted after ")
-    assert (tmp_path / "runs" / "notebook" / "first" / "summary.json").is_file()
+    assert (folder / "runs" / "notebook" / "first" / "summary.json").is_file()
 
 
-def test_the_notebook_that_steps_a_flight_runs(tmp_path: Path) -> None:
-    outputs = run_notebook("fly_step_by_step.ipynb", tmp_path)
+def test_the_notebook_that_steps_a_flight_runs(
+    notebooks: tuple[Path, dict[str, list[Any]]],
+) -> None:
+    folder, outputs_of = notebooks
+    outputs = outputs_of["fly_step_by_step"]
     printed = "".join(o.get("text", "") for o in outputs if o.get("name") == "stdout")
     assert printed.startswith("success after ")
     assert "completed: closest approach" in printed
     assert len([o for o in outputs if "image/png" in o.get("data", {})]) == 1
-    assert (tmp_path / "runs" / "notebook" / "steps" / "summary.json").is_file()
+    assert (folder / "runs" / "notebook" / "steps" / "summary.json").is_file()
 
 
 def test_the_code_of_the_page_on_python_runs(

@@ -80,9 +80,7 @@ def test_every_link_and_anchor_leads_somewhere(pages: dict[Path, Links]) -> None
     assert missing == []
 
 
-def test_generated_sections_of_pages_are_up_to_date(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_generated_sections_of_pages_are_up_to_date(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(ROOT / "docs" / "site")
     made = runpy.run_path(str(ROOT / "docs" / "site" / "committed.py"))
     assert made["PICTURE"].read_text() == made["diagram"]()

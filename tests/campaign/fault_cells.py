@@ -39,12 +39,7 @@ CROSSING: Final[dict[str, Any]] = {
     "localizer": "flow",
     "planner": "straight",
     "avoider": "orca",
-    "safety": {
-        "link_lost": {},
-        "position_lost": {},
-        "battery_low": {},
-        "tumbled": {},
-    },
+    "safety": {"link_lost": {}, "position_lost": {}, "battery_low": {}, "tumbled": {}},
     "mission": [
         {"takeoff": {"height": 0.6, "speed": 0.5}},
         {
@@ -96,14 +91,14 @@ STACKED: Final[dict[str, Any]] = {  # cf2 above cf1, and cf4 above cf3
             ]
         },
         {"land": {}},
-    ],
+    ]
 }
 FOLLOWING: Final[dict[str, Any]] = {  # all on one circle, 0.8 m from the fence
     "mission": [
         {"takeoff": {"height": 0.6, "speed": 0.5}},
         {"follow": {"path": "circle", "size": 2.4, "centre": [0.0, 0.0, 0.6], "speed": 0.4}},
         {"land": {}},
-    ],
+    ]
 }
 
 

@@ -97,11 +97,7 @@ FAULTS: Final = {
     "absent": _case(other="absent", link="error"),
     "hidden": _case(other="body", positioning="error"),
 }
-CLEAN: Final = {
-    "plain": _case(),
-    "eye": _case(camera=True),
-    "base": _case(Condition.LIGHTHOUSE),
-}
+CLEAN: Final = {"plain": _case(), "eye": _case(camera=True), "base": _case(Condition.LIGHTHOUSE)}
 
 
 def mission_text(cases: Mapping[str, Case], seed: int) -> str:

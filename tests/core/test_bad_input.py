@@ -295,9 +295,7 @@ def test_every_mistake_is_reported_in_the_order_of_the_file(
     assert places == ["m.yaml:2:7", "m.yaml:12:16", "m.yaml:14:5", "m.yaml:16:5"]
 
 
-def test_mission_and_world_problems_are_reported_at_once(
-    refused: Callable[..., list[str]],
-) -> None:
+def test_mission_and_world_problems_are_reported_at_once(refused: Callable[..., list[str]]) -> None:
     change("seed: 7", "sead: 7")
     change("fence:", "fense:", "worlds/room.yaml")
     files = {line.split(":")[0] for line in refused("check", "m.yaml")}

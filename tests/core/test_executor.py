@@ -147,10 +147,7 @@ def test_a_step_that_fails_aborts_the_mission_by_default(lab: Lab, options: str,
     summary = lab.fly(f"\n  - climb: {{}}\n  - wait: {{{options}}}\n  - visit: {{to: [1, 1, 1]}}")
     assert summary["outcome"] == "failed"
     assert summary["reason"].endswith(f"mission.yaml:12 wait cf1, cf2 failed: {why}")
-    assert [what for _, what in began(lab)] == [
-        "climb cf1, cf2 begins",
-        "wait cf1, cf2 begins",
-    ]
+    assert [what for _, what in began(lab)] == ["climb cf1, cf2 begins", "wait cf1, cf2 begins"]
     assert [lab.went(name)[-1] for name in lab.swarm] == ["landed", "landed"]
 
 
@@ -176,10 +173,7 @@ def test_a_step_that_fails_is_passed_over_if_configured(lab: Lab, options: str, 
     )
     assert failure(lab) == f"wait cf1, cf2 failed: {why}; on_failure: continue"
     assert summary["outcome"] == "completed"
-    assert [what for _, what in began(lab)][2:] == [
-        "visit cf1 begins",
-        "descend cf1, cf2 begins",
-    ]
+    assert [what for _, what in began(lab)][2:] == ["visit cf1 begins", "descend cf1, cf2 begins"]
     assert [(s["verb"], s["agents"], s["outcome"]) for s in summary["steps"]] == [
         ("climb", ["cf1", "cf2"], "success"),
         ("wait", ["cf1", "cf2"], "failure"),
@@ -191,9 +185,7 @@ def test_a_step_that_fails_is_passed_over_if_configured(lab: Lab, options: str, 
     assert [begun for begun, _ in ends[1:]] == [ended for _, ended in ends[:-1]]
 
 
-def test_unreachable_goals_fail_only_their_own_step(
-    lab: Lab,
-) -> None:
+def test_unreachable_goals_fail_only_their_own_step(lab: Lab) -> None:
     def nowhere(plan: Any, estimate: Estimate, goals: Goals) -> Plan:
         answer: Plan = plan(estimate, goals)
         far = goals.active & (goals.position[:, 0] > 5)

@@ -50,9 +50,7 @@ def test_a_name_that_is_not_there_is_an_attribute_error() -> None:
         "from star_core import Problem, StarError, Status",
     ],
 )
-def test_plugin_announcements_and_checks_import_nothing_heavy(
-    statement: str,
-) -> None:
+def test_plugin_announcements_and_checks_import_nothing_heavy(statement: str) -> None:
     assert imported_after(statement) == set()
 
 

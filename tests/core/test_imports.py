@@ -122,10 +122,7 @@ def planted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], 
         ("from star_core import Scene", []),
         ("from star_core.toolkit import compiled", []),
         ("from star_core import tick", ["star_planted -> star_core.tick"]),
-        (
-            "from star_core.toolkit.jit import compiled",
-            ["star_planted -> star_core.toolkit.jit"],
-        ),
+        ("from star_core.toolkit.jit import compiled", ["star_planted -> star_core.toolkit.jit"]),
     ],
 )
 def test_imports_of_names_and_of_modules_are_told_apart(

@@ -243,9 +243,7 @@ def test_broken_contracts_name_the_plugin_and_land_all_agents(
     assert brought_down(lab)
 
 
-def test_wrong_row_counts_are_reported_for_every_field(
-    lab: Lab,
-) -> None:
+def test_wrong_row_counts_are_reported_for_every_field(lab: Lab) -> None:
     first = np.zeros((1, 3))
     lab.spoil("avoider", "avoid", lambda *_: Setpoint(first, np.zeros(2), ROW == 0), FLYING)
     assert lab.fly()["reason"] == (
@@ -255,9 +253,7 @@ def test_wrong_row_counts_are_reported_for_every_field(
     assert brought_down(lab)
 
 
-def test_plugins_with_wrong_signatures_are_reported_with_line(
-    hop: Path,
-) -> None:
+def test_plugins_with_wrong_signatures_are_reported_with_line(hop: Path) -> None:
     def of(make: Callable[..., Any]) -> str:
         plugin = SimpleNamespace(
             star_avoiders=hookimpl(lambda: [AvoiderSpec(name="odd", summary="Odd.", make=make)])
@@ -429,9 +425,7 @@ def corrections(position: float, agent: int = 1) -> Corrections:
     return Corrections(np.array([agent]), np.full((1, 3), position), attitude, one, one)
 
 
-def test_localizer_corrections_reach_the_transport(
-    lab: Lab,
-) -> None:
+def test_localizer_corrections_reach_the_transport(lab: Lab) -> None:
     lab.spoil("localizer", "locate", change(corrections=corrections(0.5)), ONCE)
     assert lab.fly()["outcome"] == "completed"
     (reported,) = lab.robots.corrected

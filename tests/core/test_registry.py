@@ -109,9 +109,7 @@ def test_a_broken_plugin_is_left_out_and_grounds_no_other(
     assert registry.broken[Source("bad_star-dist:bad_star", "1.0")].startswith(why)
 
 
-def test_missing_names_report_the_plugins_left_out(
-    install: Callable[[str, str], None],
-) -> None:
+def test_missing_names_report_the_plugins_left_out(install: Callable[[str, str], None]) -> None:
     install("bad_star", "1 / 0")
     with pytest.raises(PluginError) as caught:
         Registry().find("planner", "theirs")

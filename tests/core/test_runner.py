@@ -25,11 +25,7 @@ from star_core import (
 )
 from star_core.discovery import Source
 from star_core.execution.land_all import MAX_LANDING_DELAY, MAX_SILENCE
-from star_core.execution.landing import (
-    CONTROLLER_LAG,
-    LAND_DEPTH,
-    LAND_SPEED,
-)
+from star_core.execution.landing import CONTROLLER_LAG, LAND_DEPTH, LAND_SPEED
 from star_core.plugin_support.registry import Registry
 from star_core.runner import outcome_of
 from star_core.tick import MAX_LOST_TIME
@@ -184,9 +180,7 @@ def test_a_landing_from_low_down_is_given_time(lab: Lab, height: float) -> None:
     assert [c.duration[c.agent == 1].tolist() for c in landings] == [[slow]]
 
 
-def test_landings_during_a_climb_are_timed_from_planned_height(
-    lab: Lab,
-) -> None:
+def test_landings_during_a_climb_are_timed_from_planned_height(lab: Lab) -> None:
     lab.spoil("planner", "plan", BOOM, FLYING)  # the landing does not wait for it to be at rest
     lab.spoil("localizer", "locate", seen(1.0, 0.6), FLYING)
     lab.fly(IN_THE_AIR)
@@ -238,9 +232,7 @@ def test_nothing_is_sent_once_a_planner_is_broken(lab: Lab) -> None:
     assert max(time for time, _ in lab.robots.sent) == pytest.approx(2.1)  # two were tolerated
 
 
-def test_agents_that_report_no_landing_are_named_after_a_timeout(
-    lab: Lab,
-) -> None:
+def test_agents_that_report_no_landing_are_named_after_a_timeout(lab: Lab) -> None:
     lab.spoil("transport", "receive", bits(1, Supervisor.FLYING))
     summary = lab.fly(IN_THE_AIR)
     assert summary["outcome"] == "failed"
@@ -577,9 +569,7 @@ def test_ticks_that_are_missed_are_left_out(lab: Lab) -> None:
     assert np.diff(asked).min() == pytest.approx(0.1)
 
 
-def test_unlocated_agents_land_from_finite_heights(
-    lab: Lab,
-) -> None:
+def test_unlocated_agents_land_from_finite_heights(lab: Lab) -> None:
     lab.spoil("localizer", "locate", lambda right, *args: nowhere(right(*args)), FLYING)
     lab.fly()
     landings = [command for _, command in lab.robots.commands if command.order is Order.LAND]

@@ -99,9 +99,7 @@ def test_every_verb_occurs_in_a_mission_that_ships() -> None:
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
-def test_missions_are_short_commented_and_name_their_schema(
-    path: Path,
-) -> None:
+def test_missions_are_short_commented_and_name_their_schema(path: Path) -> None:
     lines = path.read_text(encoding="utf-8").splitlines()
     assert len(lines) <= MOST_LINES
     assert lines[0] == "# yaml-language-server: $schema=mission.schema.json"

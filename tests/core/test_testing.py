@@ -258,11 +258,7 @@ def without(*flags: Supervisor) -> Callable[..., Any]:
 
 
 TRANSPORTS = [
-    (
-        "wait",
-        lambda right, until: right(until) - 0.01,
-        r"before the take-off: wait\(0.05\) ret",
-    ),
+    ("wait", lambda right, until: right(until) - 0.01, r"before the take-off: wait\(0.05\) ret"),
     ("receive", without(Supervisor.FLYING), "after a take-off: row 0 must report Supervisor.FLYI"),
     (
         "receive",

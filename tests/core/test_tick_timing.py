@@ -10,16 +10,7 @@ from typing import Any
 import pytest
 
 from star_basics.summary_text import format_summary
-from star_core import (
-    AvoiderSpec,
-    Event,
-    Registry,
-    Telemetry,
-    TransportSpec,
-    fly,
-    hookimpl,
-    load,
-)
+from star_core import AvoiderSpec, Event, Registry, Telemetry, TransportSpec, fly, hookimpl, load
 from star_core.plugin_support.tick_timing import REPORT_INTERVAL, TickTiming
 from star_sim import ideal_world
 from star_sim.airframe import STEP

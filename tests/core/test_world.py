@@ -372,10 +372,7 @@ def test_a_cylinder_contains_its_circle() -> None:
     [
         ("polygon: [[0, 0], [1, 1], [1, 0], [0, 1]]", "crosses or touches itself at [0.5, 0.5]"),
         ("polygon: [[0, 0], [0.5, 0.5], [1, 1]]", "has all its points on one line"),
-        (
-            "polygon: [[0, 0], [1, 0], [0, 0.0005]]",
-            "lies in a strip of only 0.0005 m, ",
-        ),
+        ("polygon: [[0, 0], [1, 0], [0, 0.0005]]", "lies in a strip of only 0.0005 m, "),
         ("box: {centre: [5, 0], size: [1, 1]}", "is outside the fence; no agent can come near it"),
         ("cylinder: {centre: [0, -3], radius: 0.9}", "is outside the fence; no agent can come"),
         ("polyline: [[-3, 5], [3, 5], [3, 6]], thickness: 1", "is outside the fence; no agent"),

@@ -183,9 +183,7 @@ def test_flown_by_whole_states_the_drones_of_the_demo_stay_apart(tmp_path: Path)
 
 
 @pytest.mark.campaign
-def test_noiseless_streamed_flights_match_the_simulator(
-    tmp_path: Path,
-) -> None:
+def test_noiseless_streamed_flights_match_the_simulator(tmp_path: Path) -> None:
     mission = MISSIONS / "three_eyes.yaml"
     alone = star("run", mission, "--out", tmp_path / "sim", *IDEAL)
     told, _ = alone.communicate(timeout=PATIENCE)

@@ -405,9 +405,7 @@ def test_a_rate_at_which_no_agent_can_fly_is_refused(refused: Callable[..., list
     assert len(refused("check", "hop.yaml", "--set", "rate=1e-300")) == 1
 
 
-def test_misspelt_repeated_set_options_get_a_suggestion(
-    refused: Callable[..., list[str]],
-) -> None:
+def test_misspelt_repeated_set_options_get_a_suggestion(refused: Callable[..., list[str]]) -> None:
     (line,) = refused("run", "hop.yaml", "--set", "avoider.radius=0.3", "--set", "avoider.radus=1")
     assert line.endswith("unknown option 'radus'; did you mean 'radius'? [unknown-option]")
 
@@ -490,9 +488,7 @@ def test_what_the_command_line_has_too_much_or_lacks_is_named(
     assert named in refused(*arguments)[-1]
 
 
-def test_misspelt_command_options_get_a_suggestion(
-    refused: Callable[..., list[str]],
-) -> None:
+def test_misspelt_command_options_get_a_suggestion(refused: Callable[..., list[str]]) -> None:
     assert "did you mean '--seed'?" in refused("run", "hop.yaml", "--sed", "3")[-1]
 
 

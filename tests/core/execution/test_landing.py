@@ -87,9 +87,7 @@ mission:
     assert landed(summary) == ["a lands 0.45 m aside: its position is not free"]
 
 
-def test_landing_above_a_grounded_agent_is_moved_aside(
-    tmp_path: Path,
-) -> None:
+def test_landing_above_a_grounded_agent_is_moved_aside(tmp_path: Path) -> None:
     mission = """
 swarm: {a: {start: [-1, 0, 0]}, b: {start: [0, 0, 0]}}
 mission:
@@ -117,30 +115,26 @@ mission:
     assert [text[:8] for text in landed(summary)] == ["a lands "]
 
 
-def test_no_agent_lands_on_a_table(tmp_path: Path) -> None:
-    mission = """
+ABOVE_A_TABLE = """
 swarm: {a: {start: [0, 0, 0]}}
 mission:
   - takeoff: {height: 1.2}
   - goto: {to: [2, 0, 1.2]}
   - land: {}
 """
-    summary = flown(tmp_path, mission)
-    assert summary["outcome"] == "completed"
-    assert summary["collisions"]["agent_obstacle"] == 0
-    assert len(landed(summary)) == 1
-
-
-def test_the_last_landing_makes_way_too(tmp_path: Path) -> None:
-    mission = """
+LANDED_AT_THE_END = """
 swarm: {a: {start: [-1, 0, 0]}, b: {start: [0, 0, 0]}}
 mission:
   - takeoff: {agents: a, height: 1.0}
   - goto: {agents: a, to: [0, 0, 1]}
 """
+
+
+@pytest.mark.parametrize("mission", [ABOVE_A_TABLE, LANDED_AT_THE_END], ids=["table", "last"])
+def test_no_agent_lands_on_a_table_or_on_another(mission: str, tmp_path: Path) -> None:
     summary = flown(tmp_path, mission)
     assert summary["outcome"] == "completed"
-    assert summary["collisions"]["agent_agent"] == 0
+    assert summary["collisions"] == {"agent_agent": 0, "agent_obstacle": 0}
     assert len(landed(summary)) == 1
 
 

@@ -41,9 +41,7 @@ def test_the_sides_of_a_cylinder_touch_its_circle_from_outside(
 
 
 @given(st.lists(st.tuples(st.integers(-4, 4), st.integers(-4, 4)), min_size=3, max_size=7))
-def test_outlines_are_valid_exactly_if_the_polygon_is_simple(
-    grid: list[tuple[int, int]],
-) -> None:
+def test_outlines_are_valid_exactly_if_the_polygon_is_simple(grid: list[tuple[int, int]]) -> None:
     ring = shapely.LinearRing(grid)
     assume(all(a != b for a, b in zip(grid, grid[1:] + grid[:1], strict=True)))
     assert (outline_fault(grid) is None) is (ring.is_simple and shapely.Polygon(grid).is_valid)
@@ -63,14 +61,8 @@ def test_outlines_are_valid_exactly_if_the_polygon_is_simple(
             [(0, 0), (2, 0), (2, 4e-4), (0, 4e-4)],
             "lies in a strip of only 0.0008 m, expected at least 0.001 m",
         ),
-        (
-            [(0, 0), (2, 0), (2, 2), (1, 0), (0, 2)],
-            "crosses or touches itself at [1, 0]",
-        ),
-        (
-            [(0, 0), (2, 0), (1, 0), (1, 1)],
-            "crosses or touches itself at [2, 0]",
-        ),
+        ([(0, 0), (2, 0), (2, 2), (1, 0), (0, 2)], "crosses or touches itself at [1, 0]"),
+        ([(0, 0), (2, 0), (1, 0), (1, 1)], "crosses or touches itself at [2, 0]"),
     ],
 )
 def test_what_is_no_polygon_is_reported_with_its_place(corners: list[Corner], fault: str) -> None:

@@ -18,9 +18,7 @@ def unsure(spread: Array, turn: float = 0.0) -> Array:
 
 
 @pytest.mark.parametrize("turn", [0.0, 0.3, np.pi / 2, 2.0])
-def test_margin_is_the_greatest_horizontal_uncertainty(
-    turn: float,
-) -> None:
+def test_margin_is_the_greatest_horizontal_uncertainty(turn: float) -> None:
     covariance = unsure(np.array([0.05, 0.02, 0.9]), turn)
     assert position_margin(covariance, 2.0, 0.2) == pytest.approx([0.1])
 

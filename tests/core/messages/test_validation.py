@@ -121,9 +121,7 @@ def test_functions_with_wrong_options_are_reported_with_the_line() -> None:
 
 
 @pytest.mark.parametrize("function", [max, int, lambda *_, **__: None])
-def test_compatible_or_unknown_signatures_are_accepted(
-    function: Callable[..., Any],
-) -> None:
+def test_compatible_or_unknown_signatures_are_accepted(function: Callable[..., Any]) -> None:
     require_signature(function, "make", ("scene",))
 
 
@@ -216,11 +214,7 @@ def test_a_path_of_an_agent_that_there_is_not_is_refused(agent: int) -> None:
 
 @pytest.mark.parametrize(
     ("check", "kind"),
-    [
-        (checked_estimate, "Estimate"),
-        (checked_plan, "Plan"),
-        (checked_setpoint, "Setpoint"),
-    ],
+    [(checked_estimate, "Estimate"), (checked_plan, "Plan"), (checked_setpoint, "Setpoint")],
 )
 def test_no_answer_is_refused(check: Callable[..., Any], kind: str) -> None:
     assert refused(check, None, 2) == f"returned NoneType, expected {kind} [contract-broken]"

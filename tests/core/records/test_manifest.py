@@ -97,9 +97,7 @@ def test_flights_from_a_manifest_repeat_the_flight(tmp_path: Path) -> None:
     assert summary["seed"] == 11
 
 
-def test_repeated_flights_keep_the_manifest_except_file_paths(
-    tmp_path: Path,
-) -> None:
+def test_repeated_flights_keep_the_manifest_except_file_paths(tmp_path: Path) -> None:
     kept, _ = flown(Path("m.yaml"))
     again, _ = flown(unpacked(kept, tmp_path / "elsewhere"), out="again")
     files = {"mission_file", "world_file"}

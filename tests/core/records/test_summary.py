@@ -50,11 +50,7 @@ def tick(time: float, seen: Any, truth: Any, phase: Sequence[AgentPhase]) -> Tic
 
 
 def measured(
-    truth: Any,
-    *,
-    seen: Any = None,
-    obstacles: tuple[Obstacle, ...] = (),
-    known: bool = True,
+    truth: Any, *, seen: Any = None, obstacles: tuple[Obstacle, ...] = (), known: bool = True
 ) -> dict[str, Any]:
     """The summary of a flight of ticks 0.05 s apart.
 
@@ -174,10 +170,7 @@ def test_separation_and_collisions_are_those_of_all_pairs(n: int, data: st.DataO
     assert summary["collisions"]["agent_agent"] == (distances < 0.12).sum()
 
 
-@pytest.mark.parametrize(
-    "n",
-    [63, 64],
-)
+@pytest.mark.parametrize("n", [63, 64])
 def test_pairs_at_the_contact_distance_do_not_collide(n: int) -> None:
     line = np.zeros((n, 3))
     line[:, 1] = np.arange(n)

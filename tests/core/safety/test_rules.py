@@ -202,9 +202,7 @@ def battery(row: int, volt: float, since: float) -> Callable[..., Telemetry]:
     return wrong
 
 
-def test_unlocated_agents_are_excused_only_under_a_rule(
-    lab: Lab,
-) -> None:
+def test_unlocated_agents_are_excused_only_under_a_rule(lab: Lab) -> None:
     def blind(right: Callable[..., Estimate], *args: Any) -> Estimate:
         answer = right(*args)
         return replace(answer, valid=np.array([True, answer.time < 1.5]))

@@ -163,9 +163,7 @@ def test_an_unheard_climb_that_has_come_down_is_on_the_ground() -> None:
 
 
 @pytest.mark.parametrize("lands_by", [None, np.inf, CLIMBED_AT - 0.1])
-def test_unheard_climbs_hover_unless_a_descent_is_announced(
-    lands_by: float | None,
-) -> None:
+def test_unheard_climbs_hover_unless_a_descent_is_announced(lands_by: float | None) -> None:
     """An end before that of the climb was announced for an earlier flight."""
     assert column(climbing(), 99.0, lands_by) == pytest.approx((TOP, LAST))
 

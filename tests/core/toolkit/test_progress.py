@@ -54,9 +54,7 @@ def test_the_innermost_work_is_reported(monkeypatch: pytest.MonkeyPatch) -> None
         wait_for("compiling: f\n", pipe)
 
 
-def test_short_works_in_a_long_one_do_not_silence_it(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_short_works_in_a_long_one_do_not_silence_it(monkeypatch: pytest.MonkeyPatch) -> None:
     pipe = a_pipe(monkeypatch)
     until = time.monotonic() + SOON
     with Progress("outside"):

@@ -172,19 +172,19 @@ def test_a_wall_below_is_flown_over(name: str) -> None:
 
 
 @those_that_promise
-def test_head_on_agents_in_a_corridor_pass_each_other(name: str) -> None:
-    around = room(2, box(-3.0, 0.8, 3.0, 1.0), box(-3.0, -1.0, 3.0, -0.8))
-    start = np.array([[-1.5, 0.0, 0.8], [1.5, 0.0, 0.8]])
-    flown = fly(made(name, around), around, start, start * [-1, 1, 1], 30.0)
-    assert min(flown.separation, flown.clearance) > CONTACT
-    assert flown.missing.max() < 0.15
-
-
-@those_that_promise
-def test_agents_that_meet_in_a_doorway_get_through_it(name: str) -> None:
-    around = room(2, box(-0.1, 0.5, 0.1, 4.0), box(-0.1, -4.0, 0.1, -0.5))
-    start = np.array([[-1.2, 0.0, 0.8], [1.2, 0.0, 0.8]])
-    flown = fly(made(name, around), around, start, start * [-1, 1, 1], 40.0)
+@pytest.mark.parametrize(
+    ("walls", "x", "seconds"),
+    [
+        pytest.param(((-3.0, 0.8, 3.0, 1.0), (-3.0, -1.0, 3.0, -0.8)), 1.5, 30.0, id="corridor"),
+        pytest.param(((-0.1, 0.5, 0.1, 4.0), (-0.1, -4.0, 0.1, -0.5)), 1.2, 40.0, id="doorway"),
+    ],
+)
+def test_agents_that_meet_between_walls_pass_each_other(
+    name: str, walls: tuple[tuple[float, float, float, float], ...], x: float, seconds: float
+) -> None:
+    around = room(2, *(box(*wall) for wall in walls))
+    start = np.array([[-x, 0.0, 0.8], [x, 0.0, 0.8]])
+    flown = fly(made(name, around), around, start, start * [-1, 1, 1], seconds)
     assert min(flown.separation, flown.clearance) > CONTACT
     assert flown.missing.max() < 0.15
 

@@ -330,11 +330,7 @@ def test_rvo2_answers_the_same(kind: str, n: int) -> None:
 
 
 def answer_of_pyrvo(
-    pyrvo: Any,
-    position: Array,
-    velocity: Array,
-    wish: Array,
-    polygons: tuple[Polygon, ...] = (),
+    pyrvo: Any, position: Array, velocity: Array, wish: Array, polygons: tuple[Polygon, ...] = ()
 ) -> Array:
     """What RVO2 answers, (N, 2) m/s."""
     n = len(position)

@@ -152,9 +152,7 @@ def test_empty_is_sent_faster_than_the_scene_allows() -> None:
 
 
 @pytest.mark.parametrize("speed", [0.5, 0.7])
-def test_reversals_respect_the_acceleration_limit(
-    speed: float,
-) -> None:
+def test_reversals_respect_the_acceleration_limit(speed: float) -> None:
     room = scene(1, limits=Limits(speed=SPEED, acceleration=2.0))
     now = estimate(np.array([[0.0, 0.0, 0.8]]), velocity=np.array([[speed, 0.0, 0.0]]))
     asked = orca(room, response=0.2).avoid(now, wanted(np.array([[-SPEED, 0.0, 0.0]]))).velocity

@@ -14,17 +14,7 @@ from hypothesis import strategies as st
 
 from star_apriltag.dead_reckoning import AgentState
 from star_apriltag.localizer import MIN_STD, MIN_YAW_STD, RETURN_STEP, RETURN_TURN, Feedback
-from star_core import (
-    Array,
-    Corrections,
-    Registry,
-    Telemetry,
-    Tick,
-    Transform,
-    fly,
-    hookimpl,
-    load,
-)
+from star_core import Array, Corrections, Registry, Telemetry, Tick, Transform, fly, hookimpl, load
 from star_sim.drone import standing
 from star_sim.fusion import POSITION_GROWTH, Fusion
 

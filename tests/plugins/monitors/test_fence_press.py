@@ -43,9 +43,7 @@ def pressed(std: float, *, avoider: float = SPEED) -> tuple[FencePress, Array]:
 
 
 @pytest.mark.parametrize("avoider", [SPEED, 0.1])
-def test_pressing_against_the_fence_draws_in_by_uncertainty(
-    avoider: float,
-) -> None:
+def test_pressing_against_the_fence_draws_in_by_uncertainty(avoider: float) -> None:
     assert pressed(0.1, avoider=avoider)[1][0, 0] == pytest.approx(HIGH - SIGMAS * 0.1, abs=0.01)
     assert pressed(0.0)[1][0, 0] == pytest.approx(HIGH, abs=0.01)
     assert pressed(99.0)[1][0, 0] >= HIGH - MAX_DRAW_IN - 0.01

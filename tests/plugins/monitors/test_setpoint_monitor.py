@@ -65,8 +65,7 @@ def test_the_kernel_agrees_with_the_readable_classes(
         avoided, wanted, position, goal = columns = [kept(rng, one, share) for one in columns]
         flown = rng.choice(VALUES if spoiled else VALUES[:4], (N, 3))
         now = replace(
-            estimate(np.where(np.isfinite(position), position, 0.0) + 0.01 * tick),
-            velocity=flown,
+            estimate(np.where(np.isfinite(position), position, 0.0) + 0.01 * tick), velocity=flown
         )
         goals = Goals(goal, np.zeros((N, 3)), np.zeros(N), np.ones(N), rng.random(N) < 0.9)
         setpoints = [

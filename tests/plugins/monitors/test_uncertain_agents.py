@@ -10,12 +10,7 @@ import pytest
 
 from star_core import Array, Goals, Limits, Obstacle, Setpoint
 from star_core.testing import estimate, scene
-from star_monitors.uncertain_agents import (
-    MAX_RETURNS,
-    PARTING_TIME,
-    WAITING_TIME,
-    UncertainAgents,
-)
+from star_monitors.uncertain_agents import MAX_RETURNS, PARTING_TIME, WAITING_TIME, UncertainAgents
 
 BOX = Obstacle("box2", (((1.0, -1.0), (2.0, -1.0), (2.0, 1.0), (1.0, 1.0)),), (0.0, 2.0))
 GOAL = (0.8, 0.5, 1.0)

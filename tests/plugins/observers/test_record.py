@@ -363,9 +363,7 @@ class Dim(Simulator):
         return super().truth() if self.asked % 2 == 0 else None
 
 
-def test_ticks_without_ground_truth_are_recorded_as_nan(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_ticks_without_ground_truth_are_recorded_as_nan(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(globals(), "Blind", Dim)
     flown(Blinds(), folder=Path("out"), assignments=["transport=blind"])
     with np.load("out/trajectory.npz") as file:

@@ -166,9 +166,7 @@ def test_agents_shut_in_by_the_margin_alone_hold_and_fly() -> None:
 
 
 @pytest.mark.parametrize("goal", [[0.15, 0.0, 0.8], [0.05, 0.0, 0.8], [-0.5, 0.0, 1.6]])
-def test_goals_within_the_clearance_are_refused_like_the_check(
-    goal: Sequence[float],
-) -> None:
+def test_goals_within_the_clearance_are_refused_like_the_check(goal: Sequence[float]) -> None:
     near = room(NOWHERE)
     plan = planner(near).plan(estimate(np.array([[1.0, 0.0, 0.8]])), goals(goal))
     shown = ", ".join(f"{value:g}" for value in goal)
@@ -266,8 +264,7 @@ def outcome(folder: Any, steps: str, *changes: str) -> tuple[str, str]:
 
 
 @pytest.mark.parametrize(
-    ("start", "seed"),
-    [(0.0605, 0), (0.18, 0), (0.2039, 2), (0.205, 0), (0.205, 1), (0.207, 0)],
+    ("start", "seed"), [(0.0605, 0), (0.18, 0), (0.2039, 2), (0.205, 0), (0.205, 1), (0.207, 0)]
 )
 def test_a_mission_that_holds_near_an_obstacle_completes(
     tmp_path: Any, start: float, seed: int

@@ -180,10 +180,7 @@ def test_descriptions_fit_the_terminal(columns: str, monkeypatch: pytest.MonkeyP
     [
         ("sim", {("transport", "sim")}),
         ("mcap", {("command", "recover"), ("observer", "mcap")}),
-        (
-            "localizers",
-            {("localizer", name) for name in ("apriltag", "flow", "mocap", "onboard")},
-        ),
+        ("localizers", {("localizer", name) for name in ("apriltag", "flow", "mocap", "onboard")}),
     ],
 )
 def test_names_match_plugins_entry_points_and_kinds(
@@ -304,9 +301,7 @@ def test_schema_prints_the_schema_that_checks_missions(said: Said) -> None:
     assert "takeoff" in printed["$defs"]["step"]["properties"]
 
 
-def test_schema_of_steps_has_every_verb_and_admits_parameters(
-    said: Said,
-) -> None:
+def test_schema_of_steps_has_every_verb_and_admits_parameters(said: Said) -> None:
     assert main(["schema", "steps"]) == 0
     printed = json.loads(said.readouterr().out)
     assert printed == for_editors(compose_steps(Registry().offers()), parameters=True)

@@ -182,9 +182,7 @@ def test_agents_that_are_not_shown_are_counted(monkeypatch: pytest.MonkeyPatch) 
     assert "cf25" in screen.getvalue() or "5 more" in screen.getvalue()
 
 
-def test_after_a_flight_the_table_is_gone(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_after_a_flight_the_table_is_gone(monkeypatch: pytest.MonkeyPatch) -> None:
     screen = a_screen(monkeypatch)
     shown(FlightProgress(lambda: None), tick(1), agents=1)
     written = screen.getvalue()
@@ -290,10 +288,7 @@ def test_what_cannot_be_known_is_left_out() -> None:
             {"corrected": {"fence": 3, "speed": 0, "separation": 12}},
             "  corrected         setpoints: 3 for fence, 12 for separation",
         ),
-        (
-            {"late_ticks": 3, "latest_tick_s": 0.1234},
-            "  late ticks        3, by 0.12 s at most",
-        ),
+        ({"late_ticks": 3, "latest_tick_s": 0.1234}, "  late ticks        3, by 0.12 s at most"),
         (
             {"slow_ticks": {"planner 'far'": {"ticks": 3, "longest_s": 2.04}}},
             "  slow ticks        3 of planner 'far', the slowest took 2.0 s",
@@ -337,9 +332,7 @@ def test_own_observers_are_not_the_slowest_plugin() -> None:
         {"realtime_factor": 0.8, "wall_time_s": 10.0},
     ],
 )
-def test_plugins_are_not_blamed_unless_slower_than_real_time(
-    changes: Mapping[str, Any],
-) -> None:
+def test_plugins_are_not_blamed_unless_slower_than_real_time(changes: Mapping[str, Any]) -> None:
     assert "slowest plugin" not in format_summary(summary(**changes), None)
 
 

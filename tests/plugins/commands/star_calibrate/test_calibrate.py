@@ -202,11 +202,7 @@ def test_the_file_states_its_origin_and_error(shots: list[str], lens: Lens, tmp_
     ],
 )
 def test_a_camera_is_called_as_its_file_unless_a_name_is_given(
-    flags: list[str],
-    name: str,
-    shots: list[str],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    flags: list[str], name: str, shots: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     main(["camera", *shots, *flags])

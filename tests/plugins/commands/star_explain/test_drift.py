@@ -175,10 +175,6 @@ def test_the_error_of_a_positioning_system_is_expected(
 ) -> None:
     system = f"transport={{use: sim, positioning: {{{positioning}}}}}"
     found = warnings(
-        tmp_path,
-        system,
-        "localizer=mocap",
-        "mission.1.hold.for=60",
-        "swarm.cf2.start=[0.7, 0, 0]",
+        tmp_path, system, "localizer=mocap", "mission.1.hold.for=60", "swarm.cf2.start=[0.7, 0, 0]"
     )
     assert any(text.endswith("[drift-exceeds-separation]") for text in found) == warned

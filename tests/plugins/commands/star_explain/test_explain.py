@@ -219,9 +219,7 @@ def test_steps_with_agent_dependent_times_are_reported_per_agent(explain: Explai
     assert text.count("goto") == 2
 
 
-def test_each_for_one_agent_is_neither_parallel_nor_sequential(
-    explain: Explain,
-) -> None:
+def test_each_for_one_agent_is_neither_parallel_nor_sequential(explain: Explain) -> None:
     text = explain("  - each: {agents: cf1, steps: [takeoff: {}, land: {}]}\n")
     assert "1  each by itself, cf1: about" in text
     assert "at once" not in text
@@ -436,9 +434,7 @@ class Broken:
         self.closed += 1
 
 
-def test_verbs_that_raise_are_reported_closed_and_skipped(
-    write: Write,
-) -> None:
+def test_verbs_that_raise_are_reported_closed_and_skipped(write: Write) -> None:
     broken = Broken()
     first, second = told(write("  - break: {}\n  - takeoff: {}\n"), broken).parts
     assert isinstance(first, StepResult)

@@ -101,10 +101,7 @@ def test_a_fleet_delays_packets_in_both_directions() -> None:
 
 
 def test_the_links_of_a_fleet_are_cut_while_it_serves() -> None:
-    with (
-        ideal_fleet(scene(1)) as fleet,
-        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as client,
-    ):
+    with ideal_fleet(scene(1)) as fleet, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as client:
         host, _, port = fleet.addresses[0].removeprefix("udp://").rpartition(":")
         fleet.links.faults[0] = LinkFaults(loss=1.0)
         client.settimeout(0.2)

@@ -42,9 +42,7 @@ def test_after_a_disconnect_a_take_off_is_accepted_and_not_flown(start: Start) -
     assert bench.position[2] == pytest.approx(0.8, abs=0.02)
 
 
-def test_commands_under_setpoints_wait_until_setpoints_stop(
-    start: Start,
-) -> None:
+def test_commands_under_setpoints_wait_until_setpoints_stop(start: Start) -> None:
     bench = aloft(start)
     bench.fly(0.5, *VELOCITY)
     assert bench.go(0.0, 1.0, 0.8, 0.0, duration=3.0) == 0
@@ -133,9 +131,7 @@ def test_two_seconds_without_setpoints_lock_the_vehicle(start: Start) -> None:
     assert bench.takeoff() == errno.EBUSY
 
 
-def test_high_level_commander_hovers_without_a_link(
-    start: Start,
-) -> None:
+def test_high_level_commander_hovers_without_a_link(start: Start) -> None:
     bench = aloft(start)
     bench.fly(20.0)
     assert bench.position[2] == pytest.approx(0.8, abs=0.02)
@@ -148,8 +144,7 @@ def test_a_setpoint_stops_the_plan(start: Start) -> None:
 
 
 @pytest.mark.parametrize(
-    ("port", "channel", "payload"),
-    [(Port.SUPERVISOR, 1, b"\x03"), (Port.LOCALISATION, 1, b"\x03")],
+    ("port", "channel", "payload"), [(Port.SUPERVISOR, 1, b"\x03"), (Port.LOCALISATION, 1, b"\x03")]
 )
 def test_an_emergency_stop_is_not_answered_and_latches(
     start: Start, port: int, channel: int, payload: bytes

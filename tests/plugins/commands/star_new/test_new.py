@@ -59,9 +59,7 @@ def test_new_plugins_of_every_kind_pass_their_own_tests(tmp_path: Path) -> None:
     assert "17 passed" in tests.stdout
 
 
-def test_a_new_observer_sees_a_flight_that_is_not_recorded(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_new_observer_sees_a_flight_that_is_not_recorded(monkeypatch: pytest.MonkeyPatch) -> None:
     assert main(["new", "plugin", "fastest", "--kind", "observer"]) == 0
     monkeypatch.syspath_prepend("star-fastest")
     registry = Registry(import_module("star_fastest"))

@@ -64,6 +64,11 @@ def fly(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Fly:
     return run
 
 
+def completed(flight: tuple[int, dict[str, Any]]) -> None:
+    status, summary = flight
+    assert (status, summary["outcome"]) == (0, "completed"), summary["reason"]
+
+
 def said(summary: dict[str, Any], kind: str = "script") -> list[str]:
     return [event["text"] for event in summary["events"] if event["kind"] == kind]
 
@@ -110,8 +115,7 @@ def test_trajectories_are_flown_in_their_own_time(fly: Fly, tmp_path: Path) -> N
     timeHelper.sleep(2.5)
     assert abs(cf2.position[0]) < 0.12, cf2.position
     """
-    status, summary = fly(body)
-    assert (status, summary["outcome"]) == (0, "completed"), summary["reason"]
+    completed(fly(body))
 
 
 def test_setpoints_are_flown_and_end(fly: Fly) -> None:
@@ -136,8 +140,7 @@ def test_setpoints_are_flown_and_end(fly: Fly) -> None:
     timeHelper.sleep(1.0)
     assert np.linalg.norm(np.array(cf2.position) - before) < 0.1
     """
-    status, summary = fly(body)
-    assert (status, summary["outcome"]) == (0, "completed"), summary["reason"]
+    completed(fly(body))
 
 
 @pytest.mark.parametrize(
@@ -178,8 +181,7 @@ def test_agents_that_exchange_positions_are_no_collision(fly: Fly) -> None:
     timeHelper.sleep(5)
     assert abs(cf1.position[1] - 1.0) < 0.1
     """
-    status, summary = fly(body)
-    assert (status, summary["outcome"]) == (0, "completed"), summary["reason"]
+    completed(fly(body))
 
 
 def test_agents_may_pass_above_each_other(fly: Fly) -> None:
@@ -190,8 +192,7 @@ def test_agents_may_pass_above_each_other(fly: Fly) -> None:
     timeHelper.sleep(7)
     assert abs(cf1.position[1] - 2.0) < 0.15, cf1.position
     """
-    status, summary = fly(body)
-    assert (status, summary["outcome"]) == (0, "completed"), summary["reason"]
+    completed(fly(body))
 
 
 def test_groups_heed_their_masks(fly: Fly) -> None:
@@ -207,8 +208,7 @@ def test_groups_heed_their_masks(fly: Fly) -> None:
     assert cf1.position[2] > 0.4
     assert cf2.position[2] < 0.1
     """
-    status, summary = fly(body, begin=begin)
-    assert (status, summary["outcome"]) == (0, "completed"), summary["reason"]
+    completed(fly(body, begin=begin))
 
 
 def test_an_emergency_stops_the_motors(fly: Fly) -> None:
@@ -238,8 +238,7 @@ def test_parameters_status_and_the_rest_of_the_interface(fly: Fly) -> None:
     timeHelper.sleep(3.0)
     assert abs(cf2.position[0] - 0.2) < 0.06
     """
-    status, summary = fly(body, "--button", "0.5")
-    assert (status, summary["outcome"]) == (0, "completed"), summary["reason"]
+    completed(fly(body, "--button", "0.5"))
 
 
 def test_scripts_of_pycrazyswarm_run_too(fly: Fly) -> None:
@@ -250,8 +249,7 @@ def test_scripts_of_pycrazyswarm_run_too(fly: Fly) -> None:
     assert abs(cf1.position()[2] - 0.8) < 0.1
     assert abs(cf1.yaw()) < 0.1
     """
-    status, summary = fly(body, begin=begin)
-    assert (status, summary["outcome"]) == (0, "completed"), summary["reason"]
+    completed(fly(body, begin=begin))
     assert "pycrazyswarm" not in sys.modules
     assert "crazyflie_py" not in sys.modules
 
@@ -264,8 +262,7 @@ def test_a_flight_after_a_landing_waits_for_the_floor(fly: Fly) -> None:
     timeHelper.sleep(11.0)
     assert abs(cf1.position[2] - 0.6) < 0.1, cf1.position
     """
-    status, summary = fly(body)
-    assert (status, summary["outcome"]) == (0, "completed"), summary["reason"]
+    completed(fly(body))
 
 
 def test_arguments_and_files_beside_a_script_are_its_own(fly: Fly, tmp_path: Path) -> None:
@@ -275,8 +272,7 @@ def test_arguments_and_files_beside_a_script_are_its_own(fly: Fly, tmp_path: Pat
     from beside import HEIGHT
     assert sys.argv[1:] == ['--fast'], sys.argv
     """
-    status, summary = fly(body, "--", "--fast")
-    assert (status, summary["outcome"]) == (0, "completed"), summary["reason"]
+    completed(fly(body, "--", "--fast"))
 
 
 def test_a_missing_script_and_a_missing_swarm_are_reported(tmp_path: Path) -> None:

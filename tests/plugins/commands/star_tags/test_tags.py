@@ -218,11 +218,7 @@ def test_a_world_without_tags_is_refused(world: Callable[[str], Path]) -> None:
 
 
 @pytest.mark.parametrize(
-    ("out", "code"),
-    [
-        ("tags.png", "invalid-argument"),
-        ("nowhere/tags.pdf", "unwritable-file"),
-    ],
+    ("out", "code"), [("tags.png", "invalid-argument"), ("nowhere/tags.pdf", "unwritable-file")]
 )
 def test_a_file_that_cannot_be_written_is_refused(
     out: str,

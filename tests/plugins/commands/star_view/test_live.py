@@ -117,9 +117,7 @@ class Watcher:
         self._look(tick.time)
 
 
-def test_a_page_that_fails_does_not_disturb_the_flight(
-    caplog: pytest.LogCaptureFixture,
-) -> None:
+def test_a_page_that_fails_does_not_disturb_the_flight(caplog: pytest.LogCaptureFixture) -> None:
     view, registry = LiveView(None, port=PORT), Registry()
     mission = load(FIRST_FLIGHT, registry, ["transport.speed=40", SHORT])
 

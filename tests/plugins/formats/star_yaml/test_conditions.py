@@ -193,9 +193,7 @@ written = st.recursive(
 
 
 @given(written)
-def test_time_conditions_hold_no_later_than_their_longest_wait(
-    one: dict[str, Any],
-) -> None:
+def test_time_conditions_hold_no_later_than_their_longest_wait(one: dict[str, Any]) -> None:
     condition = parse(one)
     whatever, at_least = condition.holds_from(math.inf), condition.holds_from(0.0)
     assert whatever in {3.0, 9.0, math.inf}

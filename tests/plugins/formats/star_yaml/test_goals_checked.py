@@ -101,9 +101,7 @@ def problems(folder: Path, plugin: Shelf, *steps: str) -> list[str]:
     return []
 
 
-def test_goals_refused_by_third_party_planners_are_located(
-    tmp_path: Path,
-) -> None:
+def test_goals_refused_by_third_party_planners_are_located(tmp_path: Path) -> None:
     assert problems(tmp_path, Shelf(), "goto: {agents: cf1, to: [0, 1, 1.2]}") == [
         "13:29: goal [0, 1, 1.2] is higher than shelf's top, 1 m [unreachable-goal]"
     ]

@@ -130,7 +130,7 @@ def test_a_file_of_steps_is_held_to_the_steps_of_missions() -> None:
     steps = compose_steps(OFFERS)
     assert steps["$defs"]["step"] == SCHEMA["$defs"]["step"]
     assert set(steps["$defs"]) == {
-        *("step", "steps", "agents", "until", "condition", "timeout", "on_failure"),
+        *("step", "steps", "agents", "until", "condition", "timeout", "on_failure")
     }
 
 

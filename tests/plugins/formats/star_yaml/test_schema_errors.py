@@ -160,11 +160,7 @@ def test_plugin_options_are_checked_by_their_own_definitions() -> None:
         ("  cf1", "  cf1:", "5:3: swarm.cf1: there is no value, expected a map"),
         ("  cf1", "  cf1: {start: [0, 0]}", "5:16: swarm.cf1.start: has 2 numbers, expected 3"),
         ("  cf1", "  cf1: {start: [0]}", "5:16: swarm.cf1.start: has 1 number, expected 3"),
-        (
-            "  cf1",
-            "  cf1: {start: [0, 0, true]}",
-            "5:23: swarm.cf1.start: true is a truth value,",
-        ),
+        ("  cf1", "  cf1: {start: [0, 0, true]}", "5:23: swarm.cf1.start: true is a truth value,"),
         ("transport", "transport: simm", "6:12: no transport named 'simm'; did you mean 'sim'?"),
         ("planner", "planner: rrt", "8:10: no planner named 'rrt'; installed: file, straight"),
         ("planner", "planner:", "8:1: planner: there is no value, expected a name or {use: name, "),

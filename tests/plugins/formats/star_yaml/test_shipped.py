@@ -47,9 +47,7 @@ def test_an_unknown_name_is_refused_with_the_nearest_one(
     assert "`star missions` lists those that come with STAR" in capsys.readouterr().err
 
 
-def test_a_missing_file_with_a_suffix_is_a_missing_file(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_a_missing_file_with_a_suffix_is_a_missing_file(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["check", "missions/first_flight.yaml"]) == 2
     assert main(["check", "mine.yaml"]) == 2
     assert problem_lines(capsys.readouterr().err) == [

@@ -138,9 +138,7 @@ def test_one_leg_over_ten_seconds_is_survived_too() -> None:
 
 
 @pytest.mark.parametrize("bias_on_the_ground", [0.0, 1.0])
-def test_standing_changes_nothing_despite_a_learnt_gyro_bias(
-    bias_on_the_ground: float,
-) -> None:
+def test_standing_changes_nothing_despite_a_learnt_gyro_bias(bias_on_the_ground: float) -> None:
     bias = math.radians(0.4)
     flight = Flight(Circle(20, yaw_bias=bias))
     (*_, landed) = flight.fly(20.0)

@@ -28,13 +28,7 @@ from star_apriltag.dead_reckoning import (
     predict,
     start,
 )
-from star_apriltag.joint_filter import (
-    CAMERA,
-    FOCAL,
-    LANDMARK,
-    Deviations,
-    JointFilter,
-)
+from star_apriltag.joint_filter import CAMERA, FOCAL, LANDMARK, Deviations, JointFilter
 from star_apriltag.odometry_track import OdometryTrack
 from star_apriltag.vision.body_pose import View
 from star_core import Array, Odometry, Pose, Tag

@@ -101,9 +101,7 @@ def test_a_tick_does_not_wait_for_a_process_in_real_time() -> None:
     assert off([estimate], circle)[0] < 0.05
 
 
-def test_only_agents_of_a_dead_process_are_unlocated(
-    caplog: pytest.LogCaptureFixture,
-) -> None:
+def test_only_agents_of_a_dead_process_are_unlocated(caplog: pytest.LogCaptureFixture) -> None:
     with localizer(room(CIRCLES, TAGS), 2) as made:
         heard = list(ticks(CIRCLES, 2.0, TAGS))
         for one in heard[:10]:

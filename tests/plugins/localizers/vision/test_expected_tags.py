@@ -81,9 +81,7 @@ def test_a_larger_tag_is_expected_from_further_away(lens: CameraModel) -> None:
     assert not expect(lens, [on_floor(1, 3.2, 0.6)])
 
 
-def test_tags_where_the_lens_model_folds_back_are_not_expected(
-    lens: CameraModel,
-) -> None:
+def test_tags_where_the_lens_model_folds_back_are_not_expected(lens: CameraModel) -> None:
     ahead = np.array([2.5, 0.0, 1.0]) * 0.3
     pixel = lens.project(ahead[None])[0]
     assert (pixel > 0).all()

@@ -79,9 +79,7 @@ def test_a_wrong_number_among_right_ones_does_not_move_the_fix(lens: CameraModel
     np.testing.assert_allclose(look.fix.pose.position, hovering().position, atol=1e-4)
 
 
-def test_the_more_surprising_of_inconsistent_tags_is_rejected(
-    lens: CameraModel,
-) -> None:
+def test_the_more_surprising_of_inconsistent_tags_is_rejected(lens: CameraModel) -> None:
     known = [*LANDMARKS, on_floor(3, 0.7, -0.315, yaw=0.3)]  # as near to 1 as 2 is
     _, corners = table(lens, hovering(), LANDMARKS)
     look = eye(known).evaluate(np.array([1, 3]), corners, predicted(hovering(), deviation=0.3))

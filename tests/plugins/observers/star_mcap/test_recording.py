@@ -130,9 +130,7 @@ def test_planned_paths_lead_from_the_agent_to_its_goal(run: Path) -> None:
     assert line == [tuple(kept.arrays["estimate_position"][tick, 0]), tuple(ends[0][0])]
 
 
-def test_recorded_tags_have_the_timestamps_of_their_images(
-    tmp_path: Path,
-) -> None:
+def test_recorded_tags_have_the_timestamps_of_their_images(tmp_path: Path) -> None:
     (tmp_path / "room.yaml").write_text(
         "star: 1\nname: room\nfence: {low: [-2, -2, 0], high: [2, 2, 2]}\n"
         "landmarks: {mat: {tags: [3], at: [0.6, 0, 0]}}\n"
@@ -336,10 +334,7 @@ def test_a_killed_flight_leaves_a_complete_recording(run: Path, tmp_path: Path) 
 
 
 def test_a_failing_recording_is_named(
-    run: Path,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    caplog: pytest.LogCaptureFixture,
+    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
 ) -> None:
     (tmp_path / "run" / FILE).mkdir(parents=True)  # cannot be written
     mission = run.parent / "hop.yaml"

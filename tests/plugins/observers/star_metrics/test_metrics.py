@@ -23,11 +23,7 @@ KEYS = (
 
 
 def measured(
-    truth: Any,
-    *,
-    seen: Any = None,
-    phases: Sequence[AgentPhase] | None = None,
-    known: bool = True,
+    truth: Any, *, seen: Any = None, phases: Sequence[AgentPhase] | None = None, known: bool = True
 ) -> dict[str, Any]:
     """What is measured of a flight of ticks 0.05 s apart.
 

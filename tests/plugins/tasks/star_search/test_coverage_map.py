@@ -61,10 +61,7 @@ def test_cells_in_view_are_where_the_view_is(x: float, y: float, yaw: float) -> 
 
 def test_a_wall_hides_what_is_behind_it() -> None:
     pose = np.array([[-0.4, 0.0, 0.0]])
-    high, low = (
-        map_of(Obstacle("wall", WALL, (0.0, 2.0))),
-        map_of(Obstacle("w", WALL, (0, 0.1))),
-    )
+    high, low = (map_of(Obstacle("wall", WALL, (0.0, 2.0))), map_of(Obstacle("w", WALL, (0, 0.1))))
     behind = cells_at(high, 0.35, 0.05)
     assert behind not in high.visible(VIEW, pose)
     assert behind in low.visible(VIEW, pose)
@@ -72,10 +69,7 @@ def test_a_wall_hides_what_is_behind_it() -> None:
 
 
 def test_floor_that_an_obstacle_stands_on_is_not_looked_for() -> None:
-    standing, hanging = (
-        map_of(Obstacle("a", WALL, (0, 1))),
-        map_of(Obstacle("b", WALL, (0.5, 1))),
-    )
+    standing, hanging = (map_of(Obstacle("a", WALL, (0, 1))), map_of(Obstacle("b", WALL, (0.5, 1))))
     under = cells_at(standing, 0.0, 0.0)
     assert not standing.required[under]
     assert hanging.required[under]

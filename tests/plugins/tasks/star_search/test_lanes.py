@@ -12,15 +12,7 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from star_search.lanes import (
-    Lane,
-    angles,
-    assign_sections,
-    divide,
-    length,
-    parallel_lanes,
-    tour,
-)
+from star_search.lanes import Lane, angles, assign_sections, divide, length, parallel_lanes, tour
 
 ROOM = shapely.box(0, 0, 6, 4)
 FREE = shapely.box(0.3, 0.3, 5.7, 3.7)

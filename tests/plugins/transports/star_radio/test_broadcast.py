@@ -197,9 +197,7 @@ def test_four_positions_go_into_one_packet(dongles: list[Dongle]) -> None:
     assert second[1:] == b"".join(each[4:])
 
 
-def test_agents_beyond_millimetre_range_are_not_broadcast(
-    dongles: list[Dongle],
-) -> None:
+def test_agents_beyond_millimetre_range_are_not_broadcast(dongles: list[Dongle]) -> None:
     broadcasts = BroadcastCommands(reached(AIR), 1)
     assert tuple(broadcasts.correct(placed(3, away=33.0))) == ()
     broadcasts.close()

@@ -120,8 +120,7 @@ def test_a_cache_that_is_spoilt_is_read_anew(peers: Peers, connect: Open, tmp_pa
 
 @pytest.mark.parametrize("lacks", [(), ("radio.rssi",)])  # 26 bytes, of at most 26, and 25
 @pytest.mark.parametrize(
-    "lost",
-    [b"\xd1", b"\x50\3", b"\x50\2\5\0", b"\x22", b"\x51\5", b"\x51\6", b"\x51\7", b"\x51\3"],
+    "lost", [b"\xd1", b"\x50\3", b"\x50\2\5\0", b"\x22", b"\x51\5", b"\x51\6", b"\x51\7", b"\x51\3"]
 )
 def test_a_lost_answer_is_asked_for_again(
     peers: Peers, connect: Open, lost: bytes, lacks: tuple[str, ...]
@@ -233,8 +232,7 @@ def test_an_answer_that_is_too_short_is_reported(peers: Peers, connect: Open) ->
 def test_log_variables_that_lack_are_named(peers: Peers, connect: Open) -> None:
     lacks = ("supervisor.info", "pm.vbatMV")
     with pytest.raises(
-        PluginError,
-        match=r"no log variable 'pm.vbatMV' or 'pm.vbat', 'supervisor.info'; update it",
+        PluginError, match=r"no log variable 'pm.vbatMV' or 'pm.vbat', 'supervisor.info'; update it"
     ):
         connect(peers(lacks=lacks))
 

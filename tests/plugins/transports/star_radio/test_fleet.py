@@ -70,13 +70,7 @@ fence: {low: [-3, -3, 0], high: [3, 3, 2]}
 class Flight:
     """A radio to a fleet, and its ticks."""
 
-    def __init__(
-        self,
-        uris: Sequence[str],
-        room: Scene,
-        cache: Path,
-        **options: object,
-    ) -> None:
+    def __init__(self, uris: Sequence[str], room: Scene, cache: Path, **options: object) -> None:
         agents = (
             dataclasses.replace(agent, uri=uri)
             for agent, uri in zip(room.agents, uris, strict=True)
@@ -244,9 +238,7 @@ def test_corrections_reach_the_estimator(tmp_path: Path) -> None:
 
 
 def test_a_drone_is_flown_over_tcp_until_the_connection_is_gone(
-    tmp_path: Path,
-    capfd: pytest.CaptureFixture[str],
-    caplog: pytest.LogCaptureFixture,
+    tmp_path: Path, capfd: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
 ) -> None:
     caplog.set_level(logging.DEBUG)  # as `--verbose`
     with ideal_fleet(scene(1), noise=False) as fleet:  # in real time: the driver is cflib's

@@ -333,11 +333,7 @@ def test_a_newer_order_replaces_one_that_is_not_confirmed(peers: Peers, connect:
     [(8, "it does not know it"), (16, "its supervisor blocks it"), (5, "error 5")],
 )
 def test_an_order_that_is_refused_is_reported(
-    peers: Peers,
-    connect: Open,
-    caplog: pytest.LogCaptureFixture,
-    error: int,
-    words: str,
+    peers: Peers, connect: Open, caplog: pytest.LogCaptureFixture, error: int, words: str
 ) -> None:
     [drone] = peers()
     drone.errors[8] = [error] * 100
@@ -505,10 +501,7 @@ def test_a_trajectory_is_uploaded_and_flown(peers: Peers, connect: Open) -> None
     vehicle.steer(orders.velocity((0, 0, 0), 0.0, 12))
     order = orders.start_trajectory(1, 12, stretch=2.0, relative=True)
     vehicle.order(order, "follow a trajectory")
-    define, start = (
-        orders.define_trajectory(1, 3),
-        orders.only_for(orders.MISSION, order),
-    )
+    define, start = (orders.define_trajectory(1, 3), orders.only_for(orders.MISSION, order))
     ticks(radio, 6)
     assert drone.until(lambda: drone.ordered == [define[1:], start[1:]])
 

@@ -12,17 +12,7 @@ import cv2
 import numpy as np
 import pytest
 
-from star_core import (
-    Agent,
-    Camera,
-    Fence,
-    InputError,
-    PluginError,
-    Scene,
-    Supervisor,
-    Tag,
-    World,
-)
+from star_core import Agent, Camera, Fence, InputError, PluginError, Scene, Supervisor, Tag, World
 from star_core.testing import scene
 from star_fleet.conditions import Condition
 from star_radio import preflight

@@ -56,9 +56,7 @@ def test_drones_trail_position_setpoints_by_half_a_second(start: Flying, control
     assert abs(response) == pytest.approx(1.0, abs=0.08)
 
 
-def test_position_steps_are_speed_limited_and_overshoot_slightly(
-    start: Flying,
-) -> None:
+def test_position_steps_are_speed_limited_and_overshoot_slightly(start: Flying) -> None:
     flight = hover(start, "pid")
     flown = chase(flight, lambda _t: (3.0, 0.0), 10.0)[:, 0]
     speed = np.diff(flown) / CYCLE
@@ -67,9 +65,7 @@ def test_position_steps_are_speed_limited_and_overshoot_slightly(
     assert flown[-1] == pytest.approx(3.0, abs=0.03)
 
 
-def test_velocity_setpoints_have_a_third_of_a_second_response(
-    start: Flying,
-) -> None:
+def test_velocity_setpoints_have_a_third_of_a_second_response(start: Flying) -> None:
     flight = hover(start, "pid")
     speeds = [heard.velocity[0, 0] for heard in flight.fly(2.0, (0.5, 0.0, 0.0))]
     reached = (1 + np.argmax(np.array(speeds) > 0.632 * 0.5)) * CYCLE

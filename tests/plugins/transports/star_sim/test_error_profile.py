@@ -114,9 +114,7 @@ def test_accelerometer_bias_tilts_the_estimate(
     assert np.abs(flight.telemetry.velocity).max() < 0.1
 
 
-def test_wrong_tilt_estimates_do_not_change_the_velocity(
-    start: Flying,
-) -> None:
+def test_wrong_tilt_estimates_do_not_change_the_velocity(start: Flying) -> None:
     flight = start(noise=True, profile=EXACT)
     flight.simulator.drones["accelerometer_bias"][0, 0] = 0.2
     flight.rise()

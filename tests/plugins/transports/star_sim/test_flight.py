@@ -67,10 +67,7 @@ def test_motors_off_is_free_fall_with_drag(start: Flying) -> None:
     assert 5.0 - flight.position[0, 2] == pytest.approx(fallen + step, rel=2e-3)
 
 
-@given(
-    rates=st.tuples(*[st.floats(-20, 20)] * 3),
-    velocity=st.tuples(*[st.floats(-2, 2)] * 3),
-)
+@given(rates=st.tuples(*[st.floats(-20, 20)] * 3), velocity=st.tuples(*[st.floats(-2, 2)] * 3))
 @settings(max_examples=20)
 def test_the_attitude_stays_a_unit_quaternion(
     rates: tuple[float, float, float], velocity: tuple[float, float, float]

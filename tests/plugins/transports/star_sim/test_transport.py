@@ -39,10 +39,7 @@ def test_another_seed_gives_another_flight(start: Flying) -> None:
 
 def test_an_agents_numbers_do_not_depend_on_others_far_away(start: Flying) -> None:
     places = [(2.0 * i, 0.0, 0.0) for i in range(12)]
-    few, many = (
-        start(2, noise=True, at=places[:2]),
-        start(12, noise=True, at=places),
-    )
+    few, many = (start(2, noise=True, at=places[:2]), start(12, noise=True, at=places))
     errand(few)
     errand(many)
     assert few.simulator.drones.tobytes() == many.simulator.drones[:2].tobytes()

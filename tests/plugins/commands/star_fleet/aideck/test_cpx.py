@@ -48,9 +48,7 @@ def test_frames_are_those_of_cflib(packet: Packet) -> None:
 
 
 @given(st.lists(st.binary(max_size=200), max_size=5))
-def test_arbitrary_streams_give_packets_or_a_sync_error(
-    pieces: list[bytes],
-) -> None:
+def test_arbitrary_streams_give_packets_or_a_sync_error(pieces: list[bytes]) -> None:
     decoder = Decoder()
     for piece in pieces:
         try:

@@ -78,9 +78,7 @@ def test_a_client_that_leaves_too_much_unread_is_sent_away(link: CrtpOverTcp) ->
 
 
 def test_a_vehicle_that_fails_loses_its_client_only(
-    switchboard: Switchboard,
-    client: socket.socket,
-    caplog: pytest.LogCaptureFixture,
+    switchboard: Switchboard, client: socket.socket, caplog: pytest.LogCaptureFixture
 ) -> None:
     with (
         CrtpOverTcp("127.0.0.1", 0, unheard, switchboard=switchboard) as broken,

@@ -167,9 +167,7 @@ def test_jpeg_images_with_a_huge_header_size_are_not_decoded(
 
 
 @given(st.lists(st.tuples(st.integers(0, 99_999), st.integers(0, 255)), min_size=1, max_size=9))
-def test_corrupted_jpeg_images_are_whole_or_dropped(
-    changes: list[tuple[int, int]],
-) -> None:
+def test_corrupted_jpeg_images_are_whole_or_dropped(changes: list[tuple[int, int]]) -> None:
     body = bytearray(cv2.imencode(".jpg", small(0))[1].tobytes())
     for at, value in changes:
         body[at % len(body)] = value

@@ -181,7 +181,5 @@ def test_an_each_for_a_reserve_that_does_not_join_has_no_agents() -> None:
          "{repeat: {times: 1, steps: [{hold: {agents: cf2}}, {external: {agents: cf2}}]}}]"],
     ],
 )  # fmt: skip
-def test_external_steps_need_distinct_ports_only_if_parallel(
-    steps: list[str],
-) -> None:
+def test_external_steps_need_distinct_ports_only_if_parallel(steps: list[str]) -> None:
     assert faults(LOW, *steps) == []

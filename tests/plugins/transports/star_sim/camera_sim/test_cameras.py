@@ -377,8 +377,5 @@ def test_cameras_do_not_change_how_agents_fly() -> None:
 def test_covering_what_is_not_there_is_refused() -> None:
     found = list(star_sim.check(room(Camera()), camera={"covered": ["floor", "flor", "survivor"]}))
     assert [(problem.path, problem.message) for problem in found] == [
-        (
-            ("camera", "covered", 1),
-            "world 'room' has no landmark 'flor'; did you mean 'floor'?",
-        )
+        (("camera", "covered", 1), "world 'room' has no landmark 'flor'; did you mean 'floor'?")
     ]

@@ -12,12 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from star_core import Camera, Tag
 from star_core.world.quaternions import turned
-from star_sim.camera_sim.ground_truth import (
-    CameraError,
-    SurveyError,
-    real_camera,
-    real_tags,
-)
+from star_sim.camera_sim.ground_truth import CameraError, SurveyError, real_camera, real_tags
 
 WALL = turned(math.pi / 2, 0.0, 0.7)
 PAIR = (
