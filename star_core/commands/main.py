@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 FAILED: Final = 1
 BAD_INPUT: Final = 2
+GARBAGE: Final = 50_000  # objects more than at the last search for garbage: many at a start stay
 MAX_WIDTH: Final = 100  # characters; also the width where there is no terminal
 GROUPS: Final = ("Fly", "Review", "Author", "Study", "Hardware", "Plugins")
 USAGE = "usage: star [-h] [-V] COMMAND ..."
@@ -103,6 +104,7 @@ def _command(name: str, arguments: list[str]) -> int:
     if not gc.isenabled():
         gc.freeze()
         gc.enable()
+        gc.set_threshold(GARBAGE)
     names = registry.names("command")
     if name not in names:
         raise StarError(f"star has no command {name!r}{suggestion(name, names, 'there are')}")

@@ -7,7 +7,6 @@ from star_core.geometry.coverage import SYSTEMS as SYSTEMS
 from star_core.geometry.coverage import covered as covered
 from star_core.geometry.coverage import nearest_surface as nearest_surface
 from star_core.geometry.coverage import received as received
-from star_core.geometry.coverage import unobstructed as unobstructed
 from star_core.geometry.free_position import AGENT_CLEARANCE as AGENT_CLEARANCE
 from star_core.geometry.free_position import MAX_DRIFT as MAX_DRIFT
 from star_core.geometry.free_position import OBSTACLE_CLEARANCE as OBSTACLE_CLEARANCE
@@ -84,7 +83,6 @@ from star_core.safety.walls import nearest_wall as nearest_wall
 from star_core.safety.walls import walls as walls
 from star_core.toolkit.camera_model import CameraModel as CameraModel
 from star_core.toolkit.camera_model import distort as distort
-from star_core.toolkit.camera_model import perspective as perspective
 from star_core.toolkit.camera_model import square_corners as square_corners
 from star_core.toolkit.camera_model import square_poses as square_poses
 from star_core.toolkit.camera_model import upright_misfit as upright_misfit
@@ -105,7 +103,6 @@ from star_core.toolkit.printed_page import Point as Point
 from star_core.toolkit.printed_page import Text as Text
 from star_core.toolkit.printed_page import pdf as pdf
 from star_core.toolkit.printed_page import rectangle as rectangle
-from star_core.toolkit.printed_page import ruler as ruler
 from star_core.toolkit.printed_page import svg as svg
 from star_core.toolkit.progress import Progress as Progress
 from star_core.toolkit.progress import duration as duration

@@ -41,8 +41,6 @@ class Page(NamedTuple):
 PAPERS: Final = {"a4": (210.0, 297.0), "letter": (215.9, 279.4), "a3": (297.0, 420.0)}
 """Width and height, mm, in ascending order of width."""
 
-RULER: Final = 100.0  # mm
-
 
 def rectangle(low: Point, width: float, height: float) -> Outline:
     """Return a rectangle by its lower left corner.
@@ -52,18 +50,6 @@ def rectangle(low: Point, width: float, height: float) -> Outline:
     """
     x, y = low
     return ((x, y), (x + width, y), (x + width, y + height), (x, y + height))
-
-
-def ruler(low: Point) -> tuple[Outline, ...]:
-    """Return a ruler with a tick each 10 mm, its outer edges `RULER` apart."""
-    (x, y), thin = low, 0.5
-    ticks = (rectangle((x + 10 * i - 0.25, y + 1), 0.5, 2.5) for i in range(1, 10))
-    return (
-        rectangle((x, y), thin, 4),
-        rectangle((x + thin, y + 1.75), RULER - 2 * thin, thin),
-        rectangle((x + RULER - thin, y), thin, 4),
-        *ticks,
-    )
 
 
 def coordinate(value: float) -> str:

@@ -7,10 +7,11 @@ from typing import Final
 
 from star_calibrate.board import Board
 from star_core import InputError
-from star_core.toolkit import PAPERS, Fill, Page, Text, rectangle, ruler
+from star_core.toolkit import PAPERS, Fill, Outline, Page, Point, Text, rectangle
 
 MARGIN: Final = 9.0  # mm: more than the unprintable margin of printers
 STRIP: Final = 22.0  # mm at the bottom of the page for the text and the ruler
+RULER: Final = 100.0  # mm
 CLOSE: Final = 1e-6  # mm, tolerance
 
 
@@ -46,13 +47,25 @@ def board_page(board: Board, paper: str) -> Page:
         height,
         (
             Fill(squares),
-            Fill(ruler((MARGIN, 11))),
+            Fill(_ruler((MARGIN, 11))),
             Text((MARGIN, 6), 3.5, "The ruler is 100 mm, a tick each 10 mm: print at 100 %, not"
                  " fitted to the paper, and glue it to a flat board."),
             Text((MARGIN + 108, 13), 3.5, f"{size} inner corners, squares of {edge:g} mm:"
                  f" star calibrate camera ... --board {size} --square {board.square:g}"),
         ),
     )  # fmt: skip
+
+
+def _ruler(low: Point) -> tuple[Outline, ...]:
+    """Return a ruler with a tick each 10 mm, its outer edges `RULER` apart."""
+    (x, y), thin = low, 0.5
+    ticks = (rectangle((x + 10 * i - 0.25, y + 1), 0.5, 2.5) for i in range(1, 10))
+    return (
+        rectangle((x, y), thin, 4),
+        rectangle((x + thin, y + 1.75), RULER - 2 * thin, thin),
+        rectangle((x + RULER - thin, y), thin, 4),
+        *ticks,
+    )
 
 
 def _largest(board: Board, paper: str) -> float:

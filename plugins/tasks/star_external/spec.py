@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import logging
 import os
-import secrets
 from collections.abc import Iterator
 from functools import partial
 from ipaddress import AddressValueError, IPv4Address
@@ -172,6 +171,8 @@ def make(
     Raises:
         PluginError: The planner cannot be created, or the port cannot be opened.
     """
+    from secrets import token_hex  # imports OpenSSL
+
     from star_external.external import External
     from star_external.planner_source import PlannerSource
     from star_external.process_source import ProcessSource
@@ -185,7 +186,7 @@ def make(
     server = servers.get((listen, port))
     if server is None or server.closed:
         beyond = not IPv4Address(listen).is_loopback
-        token = os.environ.get(TOKEN) or secrets.token_hex(8) if beyond else None
+        token = os.environ.get(TOKEN) or token_hex(8) if beyond else None
         server = servers[listen, port] = TcpServer(listen, port, token)
         _log_address(server, asked=port, token=token)
     return External(scene, rows, ProcessSource(scene, server, rate=rate, **options))

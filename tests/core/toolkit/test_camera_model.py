@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from star_core import Array, Camera
-from star_core.toolkit import CameraModel, perspective
+from star_core import Camera
+from star_core.toolkit import CameraModel
 
 LENS = CameraModel(Camera())
 columns, rows = st.floats(30, 323), st.floats(30, 243)
@@ -64,17 +64,6 @@ def test_a_camera_pitched_down_looks_ahead_and_down() -> None:
     root = math.sqrt(0.5)
     np.testing.assert_allclose(mounting[:, 2], [root, 0, -root], atol=1e-12)  # ahead of the lens
     np.testing.assert_allclose(mounting[:, 0], [0, -1, 0], atol=1e-12)  # right in the image
-
-
-points = st.tuples(st.floats(-1, 1), st.floats(-1, 1), st.floats(0.5, 3)).map(np.array)
-
-
-@given(points)
-def test_the_derivative_of_a_ray_is_that_of_differences(point: Array) -> None:
-    _, derivative = perspective(point)
-    for k, step in enumerate(1e-6 * np.eye(3)):
-        difference = perspective(point + step)[0] - perspective(point - step)[0]
-        np.testing.assert_allclose(derivative[:, k], difference / 2e-6, atol=1e-7)
 
 
 def test_clipped_pixels_have_the_outermost_ray() -> None:

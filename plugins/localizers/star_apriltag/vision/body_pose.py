@@ -10,8 +10,9 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from star_apriltag.vision.perspective import perspective
 from star_core import Array, Pose
-from star_core.toolkit import perspective, skew
+from star_core.toolkit import skew
 
 LEVEL_STD: Final = math.radians(2.0)
 """Of the on-board estimator's roll and pitch, rad; large, because their errors last."""

@@ -10,9 +10,10 @@ from typing import Final
 import numpy as np
 
 from star_apriltag.vision.body_pose import HEIGHT_STD, MIN_DEPTH, Prediction
+from star_apriltag.vision.perspective import perspective
 from star_apriltag.vision.tag_poses import USUAL_SIZE, MapTag
 from star_core import Array, Pose
-from star_core.toolkit import CameraModel, perspective, skew
+from star_core.toolkit import CameraModel, skew
 
 MAX_DISTANCE: Final = 3.0
 """Of a tag of `USUAL_SIZE`, m. On the floor, seen from 0.8 m above it, its code fills about thirty
