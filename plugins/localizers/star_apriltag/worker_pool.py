@@ -14,7 +14,6 @@ import sys
 import traceback
 from contextlib import suppress
 from logging.handlers import QueueHandler
-from multiprocessing import Pipe
 from multiprocessing.connection import Connection
 from queue import SimpleQueue
 from typing import Final, NamedTuple
@@ -22,11 +21,11 @@ from typing import Final, NamedTuple
 from star_apriltag.agent_estimator import Settings
 from star_apriltag.agent_group import AgentGroup, TickInput, TickOutput, merged
 from star_core import Scene
+from star_core.toolkit import python_process
 
 log = logging.getLogger(__name__)
 
 THREADS: Final = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "OPENCV_FOR_THREADS_NUM")
-SERVE: Final = "from star_apriltag.worker_pool import serve; serve"
 EXIT_TIMEOUT: Final = 5.0  # s, for a process to end by itself
 MAX_IMAGE_AGE: Final = 1.0  # s: a process that is later than that does not get older images
 
@@ -124,16 +123,8 @@ class RemoteWorker:
         self._names = scene.named(rows)
         self._pending: list[TickInput] = []
         self._busy = True  # until it has imported
-        self._connection, theirs = Pipe()
-        path = os.pathsep.join(filter(None, sys.path))
-        with theirs:
-            self._process = subprocess.Popen(  # noqa: S603 -- this very interpreter
-                [sys.executable, "-c", f"{SERVE}({theirs.fileno()})"],
-                pass_fds=[theirs.fileno()],
-                stdin=subprocess.DEVNULL,
-                process_group=0,  # a keyboard interrupt is for the parent only
-                env=os.environ | dict.fromkeys(THREADS, "1") | {"PYTHONPATH": path},
-            )
+        threads = dict.fromkeys(THREADS, "1")
+        self._process, self._connection = python_process("star_apriltag.worker_pool", **threads)
         self._connection.send((scene, rows, settings))
 
     def receive(self, *, wait: bool) -> TickOutput:

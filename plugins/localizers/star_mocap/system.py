@@ -4,21 +4,18 @@ from __future__ import annotations
 
 import logging
 import math
-import os
 import subprocess
-import sys
 import threading
 import time
 from collections import deque
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from multiprocessing import Pipe
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from star_core import Array, PluginError, Registry, Scene, Transform
-from star_core.toolkit import fill_defaults, quaternion_from_euler
+from star_core.toolkit import fill_defaults, python_process, quaternion_from_euler
 from star_mocap.source import KIND, Frame
 
 log = logging.getLogger(__name__)
@@ -28,7 +25,6 @@ CLOCK_WINDOW: Final = 2.0  # s
 EXIT_TIMEOUT: Final = 2.0  # s, for a process that was killed
 START_TIME: Final = 5.0  # s, in which the process starts
 ENDED: Final = "its process has ended"
-SERVE: Final = "from star_mocap.source_process import serve; serve"
 
 
 class MapFrame(NamedTuple):
@@ -165,16 +161,7 @@ class MotionCapture(CaptureFrames):
             arguments[name] = str(scene.file(arguments[name]))
         self._closing = False
         self._thread = threading.Thread(target=self._listen, name="star-mocap", daemon=True)
-        self._connection, theirs = Pipe()
-        with theirs:
-            self._process = subprocess.Popen(  # noqa: S603 -- this very interpreter
-                [sys.executable, "-c", f"{SERVE}({theirs.fileno()})"],
-                pass_fds=[theirs.fileno()],
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
-                process_group=0,  # the flight handles a keyboard interrupt
-                env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
-            )
+        self._process, self._connection = python_process("star_mocap.source_process")
         timeout = options["connect_timeout"]
         self._connection.send((spec.frames, arguments, timeout))
         if problem := self._first(timeout):

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 import logging
-import os
 import subprocess
-import sys
 import threading
 import time
 from collections.abc import Sequence
 from contextlib import suppress
-from multiprocessing import Pipe
 from pathlib import Path
 from typing import Any, Final, NamedTuple, NoReturn
 
@@ -30,7 +27,7 @@ from star_core import (
     Transform,
     Truth,
 )
-from star_core.toolkit import Progress, on_terminal, shortlist
+from star_core.toolkit import Progress, on_terminal, python_process, shortlist
 from star_core.toolkit import log as write
 from star_radio import rescue
 from star_radio.options import RadioOptions
@@ -39,7 +36,6 @@ from star_radio.vehicle import LANDED_HEIGHT
 
 log = logging.getLogger(__name__)
 
-SERVE: Final = "from star_radio.guardian import serve; serve"
 TIMEOUT: Final = 0.7  # s, for an answer: 2 s after the last setpoint the motors stop, and the core
 # interrupts a call after 1 s
 START_TIMEOUT: Final = 30.0  # s, for the process to start, and between reports while connecting
@@ -97,16 +93,7 @@ class GuardedRadio:
         self._taken_off = np.full(n, -np.inf)  # s, of the last command to take off
         self._stopped = np.zeros(n, np.bool_)  # whose motors were stopped
         self._to_map: Transform | None = None
-        self._connection, theirs = Pipe()
-        with theirs:
-            self._process = subprocess.Popen(  # noqa: S603 -- this very interpreter
-                [sys.executable, "-c", f"{SERVE}({theirs.fileno()})"],
-                pass_fds=[theirs.fileno()],
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
-                start_new_session=True,  # signals of the terminal do not reach it
-                env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
-            )
+        self._process, self._connection = python_process("star_radio.guardian")
         self._connection.send((scene, dataclasses.replace(options, cameras={}, mocap=None)))
 
     def connect(self) -> None:
