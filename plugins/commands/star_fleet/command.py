@@ -14,9 +14,10 @@ from socket import gaierror
 from types import FrameType
 from typing import TYPE_CHECKING, Any
 
-from star_core import InputError, Mission, PluginError, Registry, load
+from star_core import InputError, Mission, PluginError, Registry, Scene, load
 from star_core.toolkit import fill_defaults
 from star_fleet.conditions import Condition, read_conditions
+from star_fleet.decks import OPTIONAL
 from star_sim import OPTIONS, simulator_arguments
 
 if TYPE_CHECKING:
@@ -29,7 +30,7 @@ CAMERAS = 5000
 
 
 def run(options: argparse.Namespace, registry: Registry) -> int:
-    """Serve until interrupted and return the exit status, 0.
+    """Serve until interrupted, or until the script ends; return its exit status, or 0.
 
     Raises:
         InputError: The mission cannot be flown, or a port is not available.
@@ -55,6 +56,7 @@ def run(options: argparse.Namespace, registry: Registry) -> int:
                 arms_itself=not options.brushless,
                 link_timeout=options.link_timeout or math.inf,
                 conditions=conditions,
+                decks=[OPTIONAL[name] for name in dict.fromkeys(options.deck)],
                 **_of_simulator(
                     mission, render=cameras is not None, capture=options.mocap is not None
                 ),
@@ -84,14 +86,27 @@ def run(options: argparse.Namespace, registry: Registry) -> int:
             opened.callback(capture.close)
             fleet.capture(capture.serve)
             sys.stdout.write(f"motion capture: natnet at {host}, command_port {capture.port}\n")
-        with _until_interrupted(fleet):
-            for row, (agent, uri) in enumerate(zip(agents, fleet.addresses, strict=True)):
-                sys.stdout.write("  ".join([agent.name, uri, *more.get(row, ())]) + "\n")
-            sys.stdout.flush()
-            fleet.serve(options.duration)
+        listing = sys.stderr if options.script else sys.stdout
+        for row, (agent, uri) in enumerate(zip(agents, fleet.addresses, strict=True)):
+            listing.write("  ".join([agent.name, uri, *more.get(row, ())]) + "\n")
+        listing.flush()
+        status = _served(fleet, scene, options)
     if fleet.slipped:
         sys.stderr.write(f"star: fleet: the clock was stopped for {fleet.slipped:.1f} s in all\n")
-    return 0
+    return status
+
+
+def _served(fleet: Fleet, scene: Scene, options: argparse.Namespace) -> int:
+    """Serve until interrupted, or until the script ends; return its exit status, or 0."""
+    if not options.script:
+        with _until_interrupted(fleet):
+            fleet.serve(options.duration)
+        return 0
+    from star_fleet.client_script import client
+
+    with client(options.script, fleet, scene) as exit_status:
+        fleet.serve(options.duration)
+        return exit_status()
 
 
 def configure(line: argparse.ArgumentParser) -> None:
@@ -101,6 +116,13 @@ def configure(line: argparse.ArgumentParser) -> None:
     )
     line.epilog = "The options of the mission's transport `sim` apply, except `speed` and `radio`."
     line.add_argument("mission", help="mission file (YAML)")
+    line.add_argument(
+        "script",
+        nargs="*",
+        metavar="-- python SCRIPT.py",
+        help="run a script for cflib when the ports are open, with its radio:// addresses mapped "
+        "to the drones, and exit with its status when it ends",
+    )
     line.add_argument(
         "--port",
         type=_port,
@@ -147,6 +169,13 @@ def configure(line: argparse.ArgumentParser) -> None:
         metavar="AGENT=CONDITION",
         help="condition of a drone before the flight, for `star preflight`; may be repeated: "
         f"{', '.join(Condition)}",
+    )
+    line.add_argument(
+        "--deck",
+        action="append",
+        default=[],
+        choices=OPTIONAL,
+        help="deck that all drones carry beside those of the mission; may be repeated",
     )
     line.add_argument(
         "--link-timeout",

@@ -1,4 +1,4 @@
-"""The high-level commander: take-off, landing, go-to and uploaded trajectories, as one plan.
+"""The high-level commander: take-off, landing, go-to, spiral and uploaded trajectories, as a plan.
 
 What it does and answers is the firmware's (``crtp_commander_high_level.c``, ``planner.c``): a plan
 runs by the clock even while setpoints keep it from the motors; a take-off is refused while any plan
@@ -20,10 +20,11 @@ import numpy as np
 from star_core import Array
 from star_core.toolkit import transformed, wrap_angle
 from star_fleet.craft import Craft
-from star_fleet.memory import compressed, plain
 from star_fleet.packet import read, sound
 from star_fleet.parameters import Parameters
 from star_fleet.setpoints import Demand
+from star_fleet.spiral import spiral
+from star_fleet.trajectory import compressed, plain
 from star_sim.commander import ending_at_rest
 from star_sim.pieces import Piece
 
@@ -72,6 +73,7 @@ class HighLevel:
             8: ("Bff?f", self._land),
             9: ("Bf?f?f", self._takeoff_at_speed),
             10: ("Bf?f?f", self._land_at_speed),
+            11: ("BBB5f", self._spiral),
             12: ("BBB5f", self._go),
             13: ("BBBBBf", self._start),
         }
@@ -203,6 +205,23 @@ class HighLevel:
             coefficients[:, 0], coefficients[:, 1] = start, end - start
             return self._plan(Stage.FLYING, [Piece(coefficients, duration)], now)
         piece = _smooth(start, rate, acceleration, end, duration)
+        return self._plan(Stage.FLYING, [piece], now)
+
+    def _spiral(self, now: float, sideways: int, clockwise: int, *rest: float) -> int:
+        angle, first_radius, last_radius, rise, duration = rest
+        if not (_lasts(duration) and sound(rest)):
+            return errno.ENOEXEC
+        start, *_ = self._reference(now)
+        piece = spiral(
+            start,
+            bool(sideways),
+            bool(clockwise),
+            angle,
+            first_radius,
+            last_radius,
+            rise,
+            duration,
+        )
         return self._plan(Stage.FLYING, [piece], now)
 
     def _define(

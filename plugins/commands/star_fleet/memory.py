@@ -1,26 +1,171 @@
-"""Memories that a client reads and writes over the link, and the trajectories in them."""
+"""Memories that a client reads and writes over the link."""
 
 from __future__ import annotations
 
 import errno
-import math
 import struct
-from collections.abc import Sequence
-from typing import Final
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Final, NamedTuple, Protocol
 
-import numpy as np
-
-from star_core import Array
+from star_core import World
+from star_core.toolkit import rotation_from_quaternion
+from star_fleet.decks import (
+    LED_RING,
+    MULTIRANGER,
+    NO_MORE,
+    Deck,
+    Equipment,
+    deck_information,
+    one_wire,
+)
 from star_fleet.packet import read
-from star_sim.pieces import ORDER, Piece
 
-EEPROM, TRAJECTORY = 0x00, 0x12  # types
+EEPROM, ONE_WIRE, LED, TRAJECTORY, LIGHTHOUSE = 0x00, 0x01, 0x10, 0x12, 0x14  # types
+TESTER, LED_TIMING, DECKS, ZONES, DECK_CONTROL = 0x15, 0x17, 0x19, 0x1A, 0x21
 TRAJECTORY_BYTES: Final = 4096  # 31 pieces of poly4d
 EEPROM_BYTES: Final = 112
+ONE_WIRE_BYTES: Final = 112
+LED_BYTES: Final = 24  # twelve colors of 16 bits
+LED_TIMING_BYTES: Final = 2000
+TESTER_BYTES: Final = 0x1000
+DECKS_BYTES: Final = 1 + 8 * 32  # version, and what the firmware knows of eight memories of decks
+DECKS_VERSION: Final = 3
+ZONE_BYTES: Final = 128  # 8 x 8 distances
 MAX_READ: Final = 24  # bytes in an answer
+
+STATIONS: Final = 4  # base stations that the firmware keeps, if built with its defaults
+PAGE: Final = 0x100  # of one base station
+GEOMETRY_BYTES: Final = 49  # origin, rotation and whether it is valid
+CALIBRATION: Final = 0x1000  # where the calibrations begin
+CALIBRATION_BYTES: Final = 61  # two sweeps, serial number and whether it is valid
 
 COUNT, DETAILS = 1, 2  # commands of the channel 0
 INFO, READ, WRITE = 0, 1, 2  # channels
+
+
+class Memory(Protocol):
+    """What a client can read and write."""
+
+    size: int
+
+    def read(self, start: int, count: int) -> bytes | None:
+        """Return bytes; None if they cannot be read."""
+
+    def write(self, start: int, data: bytes) -> bool:
+        """Write bytes; return whether that is possible."""
+
+
+class Stored:
+    """Bytes that stay as they are written.
+
+    Args:
+        content: The bytes; they change with what is written.
+    """
+
+    def __init__(self, content: bytearray) -> None:
+        self.content, self.size = content, len(content)
+
+    def read(self, start: int, count: int) -> bytes | None:
+        return bytes(self.content[start : start + count]) if start + count <= self.size else None
+
+    def write(self, start: int, data: bytes) -> bool:
+        if start + len(data) > self.size:
+            return False
+        self.content[start : start + len(data)] = data
+        return True
+
+
+class ReadOnly(Stored):
+    """Bytes that cannot be written."""
+
+    def write(self, start: int, data: bytes) -> bool:
+        return False
+
+
+class Tester:
+    """Bytes that are their own addresses, for tests of the link.
+
+    Attributes:
+        errors: Bytes written that were not.
+    """
+
+    size = TESTER_BYTES
+
+    def __init__(self) -> None:
+        self.errors = 0
+
+    def read(self, start: int, count: int) -> bytes | None:
+        fits = start + count <= self.size
+        return bytes((start + i) & 0xFF for i in range(count)) if fits else None
+
+    def write(self, start: int, data: bytes) -> bool:
+        if start + len(data) > self.size:
+            return False
+        self.errors += sum(value != (start + i) & 0xFF for i, value in enumerate(data))
+        return True
+
+
+class Stations:
+    """Geometries and calibrations of Lighthouse base stations, a page each.
+
+    Args:
+        geometries: Of the first ones, as they are stored.
+    """
+
+    size = 2 * CALIBRATION
+
+    def __init__(self, geometries: Iterable[bytes]) -> None:
+        self._pages = {
+            start + PAGE * i: Stored(bytearray(count))
+            for start, count in ((0, GEOMETRY_BYTES), (CALIBRATION, CALIBRATION_BYTES))
+            for i in range(STATIONS)
+        }
+        for i, geometry in enumerate(geometries):
+            self.write(PAGE * i, geometry)
+
+    def read(self, start: int, count: int) -> bytes | None:
+        page = self._pages.get(start // PAGE * PAGE)
+        return None if page is None else page.read(start % PAGE, count)
+
+    def write(self, start: int, data: bytes) -> bool:
+        page = self._pages.get(start // PAGE * PAGE)
+        return page is not None and page.write(start % PAGE, data)
+
+
+class Zones:
+    """Distances that a sensor measures in 8 x 8 directions, measured as the first is read.
+
+    Args:
+        measure: Returns them, mm, row by row from above.
+    """
+
+    size = ZONE_BYTES
+
+    def __init__(self, measure: Callable[[], Sequence[int]]) -> None:
+        self._measure = measure
+        self._content = bytes(ZONE_BYTES)
+
+    def read(self, start: int, count: int) -> bytes | None:
+        if start == 0:
+            self._content = struct.pack("<64H", *self._measure())
+        return self._content[start : start + count] if start + count <= self.size else None
+
+    def write(self, start: int, data: bytes) -> bool:
+        return False
+
+
+class Entry(NamedTuple):
+    """A memory in the list that clients read.
+
+    Attributes:
+        kind: Its type.
+        memory: What is in it.
+        serial: Of the chip, of a 1-wire memory.
+    """
+
+    kind: int
+    memory: Memory
+    serial: bytes = bytes(8)
 
 
 class Memories:
@@ -28,13 +173,25 @@ class Memories:
 
     Args:
         address: The vehicle's on the radio, five bytes.
+        decks: That it carries.
+        equipment: Base stations that it knows, and its forward sensor.
     """
 
-    def __init__(self, address: int) -> None:
+    def __init__(
+        self,
+        address: int,
+        decks: Sequence[Deck] = (),
+        equipment: Equipment = NO_MORE,
+    ) -> None:
         self.trajectory: Final = bytearray(TRAJECTORY_BYTES)
+        self.tester: Final = Tester()
         self._memories = (
-            (EEPROM, bytearray(_configuration(address).ljust(EEPROM_BYTES, b"\xff"))),
-            (TRAJECTORY, self.trajectory),
+            Entry(EEPROM, Stored(bytearray(_configuration(address).ljust(EEPROM_BYTES, b"\xff")))),
+            Entry(TRAJECTORY, Stored(self.trajectory)),
+            Entry(LIGHTHOUSE, Stations(equipment.stations)),
+            Entry(TESTER, self.tester),
+            Entry(DECKS, ReadOnly(bytearray([DECKS_VERSION]).ljust(DECKS_BYTES, b"\0"))),
+            *_of_decks(decks, equipment.zones),
         )
 
     def answer(self, channel: int, payload: bytes) -> bytes | None:
@@ -45,20 +202,16 @@ class Memories:
         if head is None or (channel == READ and len(payload) <= 5):  # noqa: PLR2004 -- no length
             return None
         number, start = head
-        memory = self._memories[number][1] if number < len(self._memories) else bytearray()
+        memory = self._memories[number].memory if number < len(self._memories) else None
+        data: bytes | None = None
         if channel == READ:
             count = payload[5]
-            fits = count <= MAX_READ and start + count <= len(memory)
-            data = bytes(memory[start : start + count]) if fits else b""
+            data = memory.read(start, count) if memory and count <= MAX_READ else None
         elif channel == WRITE:
-            data = payload[5:]
-            fits = start + len(data) <= len(memory)
-            if fits:
-                memory[start : start + len(data)] = data
-            data = b""
+            data = b"" if memory and memory.write(start, payload[5:]) else None
         else:
             return None
-        return payload[:5] + bytes([0 if fits else errno.EIO]) + data
+        return payload[:5] + (bytes([errno.EIO]) if data is None else b"\0" + data)
 
     def _info(self, payload: bytes) -> bytes | None:
         if payload[:1] == bytes([COUNT]):
@@ -67,9 +220,37 @@ class Memories:
             number = payload[1]
             if number >= len(self._memories):
                 return payload[:2]
-            kind, memory = self._memories[number]
-            return struct.pack("<BBBI8x", DETAILS, number, kind, len(memory))
+            kind, memory, serial = self._memories[number]
+            return struct.pack("<BBBI", DETAILS, number, kind, memory.size) + serial
         return None
+
+
+def geometries(world: World) -> list[bytes]:
+    """Return the geometries of a world's base stations, as the memory of drones has them."""
+    return [
+        struct.pack(
+            "<12f?",
+            *station.position,
+            *rotation_from_quaternion(station.rotation).ravel().tolist(),
+            True,  # noqa: FBT003 -- it is valid
+        )
+        for station in world.base_stations
+    ]
+
+
+def _of_decks(decks: Sequence[Deck], zones: Callable[[], Sequence[int]]) -> Iterator[Entry]:
+    """Yield the memories that decks bring with them."""
+    for i, deck in enumerate(decks):
+        if deck.controlled:
+            yield Entry(DECK_CONTROL, ReadOnly(bytearray(deck_information(deck))))
+        else:
+            content = bytearray(one_wire(deck).ljust(ONE_WIRE_BYTES, b"\xff"))
+            yield Entry(ONE_WIRE, Stored(content), bytes([0x0D, *([0] * 5), i + 1, deck.product]))
+    if LED_RING in decks:
+        yield Entry(LED, Stored(bytearray(LED_BYTES)))
+        yield Entry(LED_TIMING, Stored(bytearray(LED_TIMING_BYTES)))
+    if MULTIRANGER in decks:
+        yield Entry(ZONES, Zones(zones))
 
 
 def _configuration(address: int) -> bytes:
@@ -78,86 +259,3 @@ def _configuration(address: int) -> bytes:
         "<BBBffBI", 1, 80, 2, 0.0, 0.0, address >> 32, address & 0xFFFFFFFF
     )
     return block + bytes([sum(block) % 256])
-
-
-PIECE_BYTES: Final = 33 * 4
-CONTROL_POINTS: Final = (0, 1, 3, 7)  # that are stored of an axis, by its two bits of type
-MAX_COEFFICIENT: Final = 1e6  # of a coefficient, so that nothing overflows
-
-
-def plain(memory: bytes, offset: int, count: int) -> list[Piece] | None:
-    """Return `count` pieces of ``poly4d``; None if they are not in the memory, or cannot be flown.
-
-    A piece has 8 coefficients over the time in seconds for each of x, y, z (m) and yaw (rad), and a
-    duration, s.
-    """
-    if count < 1 or offset + count * PIECE_BYTES > len(memory):
-        return None
-    pieces = []
-    for i in range(count):
-        *numbers, duration = struct.unpack_from("<33f", memory, offset + i * PIECE_BYTES)
-        if not (math.isfinite(duration) and duration > 0):
-            return None
-        with np.errstate(over="ignore", invalid="ignore"):
-            pieces.append(Piece.over_time(np.reshape(numbers, (4, 8)), duration))
-    return _flyable(pieces)
-
-
-def compressed(memory: bytes, offset: int) -> list[Piece] | None:
-    """Return the pieces of a compressed trajectory, up to one of no duration or the memory's end.
-
-    It starts with x, y, z in mm and yaw in 0.1°. A piece has a byte with two bits of type for each
-    axis, its duration in ms, and for each axis the 0, 1, 3 or 7 control points of a Bézier curve
-    that goes on from where the last piece ended.
-    """
-    start = read("hhhh", memory, offset)
-    if start is None:
-        return None
-    endpoint = [_unit(axis) * value for axis, value in enumerate(start)]
-    offset += 8
-    pieces = []
-    while (header := read("BH", memory, offset)) is not None and header[1] > 0:
-        kinds, duration = header
-        offset += 3
-        coefficients = np.zeros((4, ORDER + 1))
-        for axis in range(4):
-            count = CONTROL_POINTS[kinds >> 2 * axis & 3]
-            stored = read(f"{count}h", memory, offset)
-            if stored is None:
-                return None
-            offset += 2 * count
-            points = [endpoint[axis], *(_unit(axis) * value for value in stored)]
-            coefficients[axis, : count + 1] = bezier(points)
-            endpoint[axis] = points[-1]
-        pieces.append(Piece(coefficients, duration / 1000))
-    return _flyable(pieces)
-
-
-def bezier(points: Sequence[float]) -> Array:
-    """Return the coefficients over [0, 1] of the Bézier curve with some control points.
-
-    >>> bezier([1.0, 1.0, 4.0])
-    array([1., 0., 3.])
-    """
-    order = len(points) - 1
-    return np.array(
-        [
-            math.comb(order, j)
-            * sum(math.comb(j, i) * (-1) ** (i + j) * points[i] for i in range(j + 1))
-            for j in range(order + 1)
-        ],
-        float,
-    )
-
-
-def _unit(axis: int) -> float:
-    return math.radians(0.1) if axis == 3 else 0.001  # noqa: PLR2004 -- yaw
-
-
-def _flyable(pieces: list[Piece]) -> list[Piece] | None:
-    """Return the pieces; None if there are none, or one has no finite coefficients."""
-    if not pieces or not all(
-        (np.abs(piece.coefficients) <= MAX_COEFFICIENT).all() for piece in pieces
-    ):
-        return None
-    return pieces

@@ -1,7 +1,7 @@
 """The parameters of a vehicle: the firmware's names, types and initial values.
 
-`star_fleet.vehicle` implements those that have an effect. The others are only stored and read
-back, for clients that expect them.
+`star_fleet.vehicle` implements those that have an effect. The others, gains and lights among them,
+are only stored and read back, for clients that expect them.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import errno
 import math
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -45,16 +45,40 @@ class Parameter:
         return "<" + FORMAT[self.code & 0x0F]
 
 
+GAINS: Final[Mapping[str, Mapping[str, tuple[float, float, float]]]] = {
+    "pid_attitude": {"roll": (6, 3, 0), "pitch": (6, 3, 0), "yaw": (6, 1, 0.35)},
+    "pid_rate": {"roll": (250, 500, 2.5), "pitch": (250, 500, 2.5), "yaw": (120, 16.7, 0)},
+    "posCtlPid": {"x": (2, 0, 0), "y": (2, 0, 0), "z": (2, 0.5, 0)},
+    "velCtlPid": {"vx": (25, 1, 0), "vy": (25, 1, 0), "vz": (25, 15, 0)},
+}
+"""Gains kp, ki and kd of the firmware's PID controllers, by group and loop."""
+
+
+def _gains() -> Iterator[Parameter]:
+    """Yield them, named in the two ways of the firmware: ``roll_kp`` and ``xKp``."""
+    for group, loops in GAINS.items():
+        for loop, gains in loops.items():
+            for name, gain in zip(("kp", "ki", "kd"), gains, strict=True):
+                full = f"{loop}_{name}" if group.startswith("pid_") else loop + name.capitalize()
+                yield Parameter(f"{group}.{full}", FLOAT | EXTENDED, gain)
+
+
 PARAMETERS: Final = (
     *(
         Parameter(f"deck.bc{name}", U8 | READ_ONLY | CORE, name in {"Flow2", "ZRanger2"})
         for name in (
-            *("ACS37800", "ActiveMarker", "AI", "Buzzer", "CPPM", "DWM1000", "Flow", "Flow2"),
-            *("GTGPS", "LedRing", "Lighthouse4", "Loco", "MultiRanger", "OA", "Servo", "USD"),
-            *("ZRanger", "ZRanger2"),
+            *("ACS37800", "ActiveMarker", "AI", "Buzzer", "ColorLedBot", "ColorLedTop", "CPPM"),
+            *("DWM1000", "Flow", "Flow2", "GTGPS", "LedRing", "Lighthouse4", "Loco"),
+            *("Multiranger", "OA", "Servo", "USD", "ZRanger", "ZRanger2"),
         )
     ),
+    *(
+        Parameter(f"colorLed{side}.{name}", code, first)
+        for side in ("Bot", "Top")
+        for name, code, first in (("wrgb8888", U32, 0), ("brightCorr", U8, 1))
+    ),
     Parameter("commander.enHighLevel", U8 | CORE),
+    Parameter("cpu.flash", U16 | READ_ONLY, 1024),
     Parameter("flightmode.althold", U8),
     Parameter("flightmode.poshold", U8),
     Parameter("flightmode.posSet", U8),
@@ -77,14 +101,26 @@ PARAMETERS: Final = (
     Parameter("kalman.initialZ", FLOAT),
     Parameter("kalman.initialYaw", FLOAT),
     Parameter("led.bitmask", U8),
+    Parameter("led_deck_ctrl.rgb888", U32),
     Parameter("lighthouse.enableEst", U8 | EXTENDED, 1),
+    Parameter("lighthouse.systemType", U8 | EXTENDED, 2),
     Parameter("loco.enableEst", U8 | EXTENDED, 1),
     Parameter("locSrv.extPosStdDev", FLOAT, 0.01),
     Parameter("locSrv.extQuatStdDev", FLOAT, 4.5e-3),
+    Parameter("memTst.resetW", U8),
     Parameter("motion.disable", U8),
+    Parameter("multiranger.filterMask", U16, 1),
+    *_gains(),
     Parameter("pm.lowVoltage", FLOAT, 3.2),
     Parameter("pm.criticalLowVoltage", FLOAT, 3.0),
     Parameter("ring.effect", U8 | CORE | EXTENDED, 6),
+    Parameter("ring.neffect", U8 | READ_ONLY, 18),
+    Parameter("ring.solidRed", U8, 20),
+    Parameter("ring.solidGreen", U8, 20),
+    Parameter("ring.solidBlue", U8, 20),
+    Parameter("ring.headlightEnable", U8),
+    Parameter("ring.fadeColor", U32),
+    Parameter("ring.fadeTime", FLOAT, 0.5),
     Parameter("stabilizer.estimator", U8 | CORE, 2),  # Kalman
     Parameter("stabilizer.controller", U8 | CORE, 1),  # PID
     Parameter("stabilizer.stop", U8 | CORE),

@@ -17,8 +17,11 @@ from star_core import Agent, Frames, Image, InputError, PluginError, PoseFixes, 
 from star_core.toolkit import Fault
 from star_fleet.conditions import NONE, Condition, Conditions, prepare, with_receivers
 from star_fleet.craft import Craft
+from star_fleet.decks import AI_DECK, Deck, Equipment
 from star_fleet.link_faults import NO_FAULTS, Direction, FaultyLinks, LinkFaults
+from star_fleet.memory import geometries
 from star_fleet.ports import Client, Ports
+from star_fleet.ranger import ZONES, Ranger, seen_along
 from star_fleet.supervisor import PERIOD
 from star_fleet.variables import Readings
 from star_fleet.vehicle import LINK_TIMEOUT, Vehicle
@@ -71,6 +74,7 @@ class Fleet:
             firmware does by its radio, s of the client's clock: simulated time divided by `speed`.
             Infinite for none; a link over TCP has none.
         conditions: Conditions of drones before the flight, by row; they last.
+        decks: Decks that all drones carry beside those of the mission.
         simulator: Further arguments of `Simulator`. A controller ``pid`` or ``mellinger`` flies
             until a client sets the parameter ``stabilizer.controller``. Delay and loss of the
             profile's radio link have no effect: see `faults`.
@@ -98,6 +102,7 @@ class Fleet:
         seed: int | None = None,
         link_timeout: float = LINK_TIMEOUT,
         conditions: Conditions = MappingProxyType({}),
+        decks: Sequence[Deck] = (),
         **simulator: Any,
     ) -> None:
         self.simulator = Simulator(scene, **simulator, needs_images=self.watched)
@@ -106,6 +111,8 @@ class Fleet:
         if not feed_forward:
             self.simulator.drones["feed_forward"] = 0.0
         self._agents, self._arms_itself = scene.agents, arms_itself
+        self._decks, self._stations = decks, geometries(scene.world)
+        self._ranger = Ranger(scene.world)
         self._link_timeout = link_timeout * speed  # s, simulated
         self._speed = speed
         self._conditions = with_receivers(conditions, scene)
@@ -234,7 +241,9 @@ class Fleet:
             now = self.simulator.time
             if self._cycle % _SUPERVISE == 0:
                 self._supervise(now)
-            readings = Readings(self.simulator, self._info, self._conditions)
+            readings = Readings(
+                self.simulator, self._info, self.vehicles, self._ranger, self._conditions
+            )
             streamed = [vehicle.advance(readings, now) for vehicle in self.vehicles]
             self._measure(now)
             saw, self._saw = self._saw, any(map(self.watched, self._watchers))
@@ -307,17 +316,23 @@ class Fleet:
 
     def _started(self, row: int) -> Vehicle:
         """Return the firmware of an agent's vehicle as it is after a boot."""
-        agent = self._agents[row]
+        agent, conditions = self._agents[row], self._conditions.get(row, NONE)
+        has_camera = agent.camera is not None and Condition.NO_AI_DECK not in conditions
+        decks = [*self._decks, AI_DECK] if has_camera else self._decks
         return Vehicle(
             Craft(self.simulator, row),
             row,
             address(agent, row),
             arms_itself=self._arms_itself,
-            camera=agent.camera is not None,
             booted=self.simulator.time,
             link_timeout=self._link_timeout,
-            conditions=self._conditions.get(row, NONE),
+            conditions=conditions,
+            equipment=Equipment(decks, self._stations, partial(self._zones, row)),
         )
+
+    def _zones(self, row: int) -> list[int]:
+        drone = self.simulator.drones[row]
+        return [int(each) for each in seen_along(self._ranger, drone, ZONES)]
 
     def _supervise(self, now: float) -> None:
         drones = self.simulator.drones

@@ -7,23 +7,27 @@ Signs are the firmware's: ``pitch`` is nose up positive in `stateEstimate`, `sta
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from star_core import Array, Rows
 from star_fleet.conditions import GROWTH, Conditions, anchors, stations, unmeasured
 from star_fleet.packet import compress
+from star_fleet.ranger import AXES, Ranger, seen_along
 from star_sim import fusion
 from star_sim.airframe import DRAG_XY, DRAG_Z, GRAVITY, MASS, THRUST_MAX
 from star_sim.attitude import ATTITUDE_GAIN
 from star_sim.drone import OFF
 from star_sim.kernel import report
 from star_sim.transport import HEIGHT_STD, Simulator
+
+if TYPE_CHECKING:
+    from star_fleet.vehicle import Vehicle
 
 U8, U16, U32, I8, I16, I32, FLOAT, HALF = 1, 2, 3, 4, 5, 6, 7, 8  # types
 FORMAT: Final = {U8: "B", U16: "H", U32: "I", I8: "b", I16: "h", I32: "i", FLOAT: "f", HALF: "e"}
@@ -43,6 +47,7 @@ MIN_DISTANCE: Final = 0.1  # m from the radio, which stands at the map's origin
 FULL_PWM: Final = 65535
 MIN_PUSH: Final = 1e-6  # N
 MAX_RANGE: Final = 4000  # mm, of the ranger
+DECK_TEMPERATURE: Final = 30  # degrees Celsius, of a color deck; nothing heats it
 
 _DEGREES: Final = math.degrees(1.0)
 
@@ -53,16 +58,24 @@ class Readings:
     Args:
         simulator: Simulator of the fleet.
         info: (N,) bits of the supervisors.
+        vehicles: The firmware of each drone.
+        ranger: Measures distances to obstacles.
         conditions: Conditions of the drones.
     """
 
     def __init__(
-        self, simulator: Simulator, info: Rows, conditions: Conditions = MappingProxyType({})
+        self,
+        simulator: Simulator,
+        info: Rows,
+        vehicles: Sequence[Vehicle],
+        ranger: Ranger,
+        conditions: Conditions = MappingProxyType({}),
     ) -> None:
         self.drones, self.sample = simulator.drones, simulator.sample
         self.cascades = simulator.cascades
-        self.info = info
+        self.info, self.vehicles = info, vehicles
         self.conditions = conditions
+        self._ranger = ranger
         self.now, self._fusion = simulator.time, simulator.fusion
         self._columns: dict[int, list[Any]] = {}
 
@@ -93,6 +106,16 @@ class Readings:
     def covariance(self) -> Array:
         """(N, 3, 3) of the estimates of x, y and heading, m and rad."""
         return self._fusion.covariance(self.drones, self.now)
+
+    @cached_property
+    def ranges(self) -> Array:
+        """(N, 5) distances of the Multi-ranger deck, mm; 0 without one, as in the firmware."""
+        drones = self.drones
+        ranges = np.zeros((len(drones), len(AXES)))
+        for row, vehicle in enumerate(self.vehicles):
+            if vehicle.ranges:
+                ranges[row] = seen_along(self._ranger, drones[row], AXES)
+        return ranges
 
     @cached_property
     def body_velocity(self) -> Array:
@@ -290,6 +313,10 @@ def _thrust(readings: Readings) -> Any:
     return readings.drones["thrust"].mean(axis=1) / THRUST_MAX * FULL_PWM
 
 
+def _always(value: float) -> Callable[[Readings], Any]:
+    return lambda readings: np.full(len(readings.drones), value)
+
+
 def _bit(bit: int) -> Callable[[Readings], Any]:
     return lambda readings: readings.info >> bit & 1
 
@@ -324,6 +351,13 @@ VARIABLES: Final = (
     Variable("lighthouse.bsActive", U16, _stations),
     Variable("ranging.state", U16, _anchors),
     Variable("range.zrange", U16, _range),
+    *_each("range", "front back left right up", U16, _column, "ranges"),
+    Variable("memTst.errCntW", U32, lambda readings: [v.write_errors for v in readings.vehicles]),
+    *(
+        Variable(f"colorLed{side}.{name}", U8, _always(value))
+        for side in ("Bot", "Top")
+        for name, value in (("deckTemp", DECK_TEMPERATURE), ("throttlePct", 0))
+    ),
     *_each("motor", "m1 m2 m3 m4", U16, _column, "pwm"),
     Variable("pm.vbat", FLOAT, _of("voltage")),
     Variable("pm.vbatMV", U16, _of("voltage", scale=1000)),

@@ -16,6 +16,7 @@ from star_core import Supervisor as Bits
 from star_fleet import log, parameters
 from star_fleet.conditions import NONE, SWITCHES, Condition
 from star_fleet.craft import Craft
+from star_fleet.decks import DECKS, MULTIRANGER, NO_MORE, Equipment
 from star_fleet.highlevel import Guidance, HighLevel, Stage
 from star_fleet.memory import Memories
 from star_fleet.packet import MAX_PAYLOAD, NULL, Port, is_null, join, sound, split
@@ -37,7 +38,7 @@ ARM, RECOVER, EMERGENCY_STOP, KEEP_ALIVE = 1, 2, 3, 4  # commands to the supervi
 BITS: Final = 0x0C
 LINK_TIMEOUT: Final = 1.0  # s, the firmware's default of RADIO_ACTIVITY_TIMEOUT_MS
 VERSION, FIRMWARE_NAME, DEVICE_NAME = 0, 1, 2
-LOC_EMERGENCY_STOP, LOC_KEEP_ALIVE = 3, 4
+LOC_EMERGENCY_STOP, LOC_KEEP_ALIVE, LOC_PERSIST_STATIONS = 3, 4, 11
 
 MIN_DEVIATION: Final = 1e-4  # m and rad: a fix is never without error
 
@@ -55,10 +56,10 @@ class Vehicle:
         row: Its row in the readings.
         address: Radio address, five bytes; the last one identifies it in packed positions.
         arms_itself: Whether its motors are brushed.
-        camera: Whether it carries an AI-deck.
         booted: Time of its start, s since the start of the fleet.
         link_timeout: Time without a packet after which its log blocks are deleted, s.
         conditions: Its conditions before the flight.
+        equipment: What it has beside the decks of mission and conditions.
     """
 
     def __init__(
@@ -68,22 +69,26 @@ class Vehicle:
         address: int,
         *,
         arms_itself: bool = True,
-        camera: bool = False,
         booted: float = 0.0,
         link_timeout: float = LINK_TIMEOUT,
         conditions: frozenset[Condition] = NONE,
+        equipment: Equipment = NO_MORE,
     ) -> None:
         self.supervisor = Supervisor(arms_itself=arms_itself)
         self.info = 0
         self._craft = craft
         self._booted = booted
         self._name = address & 0xFF
-        self._memories = Memories(address)
         self._parameters = parameters.Parameters(self._written)
         self._conditions = conditions
-        self._parameters.put("deck.bcAI", camera and Condition.NO_AI_DECK not in conditions)
         self._begin_in_condition(craft)
         self._parameters.put("stabilizer.controller", craft.controller)
+        for deck in equipment.decks:
+            self._parameters.put(deck.parameter, 1)
+        carried = [deck for deck in DECKS if self._parameters[deck.parameter]]
+        self.ranges = MULTIRANGER in carried
+        """Whether it measures distances to obstacles."""
+        self._memories = Memories(address, carried, equipment)
         self._high_level = HighLevel(craft, self._memories.trajectory, self._parameters)
         self._guidance = Guidance(craft, self._high_level)
         self._log = log.Log(row)
@@ -123,6 +128,11 @@ class Vehicle:
             self.supervisor.state = State.LOCKED
         if Condition.CRASHED in self._conditions:
             self.supervisor.state = State.CRASHED
+
+    @property
+    def write_errors(self) -> int:
+        """Bytes that the memory tester was given that were not their own addresses."""
+        return self._memories.tester.errors
 
     def handle(self, packet: bytes, now: float, *, tcp: bool = False) -> list[bytes]:
         """Process a packet at `now`, s since the start, and return the answers.
@@ -217,7 +227,7 @@ class Vehicle:
             return log.CONTENTS.answer(payload)
         return self._log.answer(payload, now - self._booted) if channel == log.CONTROL else None
 
-    def _on_localisation(self, channel: int, payload: bytes, now: float) -> None:
+    def _on_localisation(self, channel: int, payload: bytes, now: float) -> bytes | None:
         if channel == COMMAND and payload[:1] == bytes([LOC_EMERGENCY_STOP]):
             self.supervisor.stop()
         elif channel == COMMAND and payload[:1] == bytes([LOC_KEEP_ALIVE]):
@@ -225,6 +235,8 @@ class Vehicle:
         for fix in fixes(channel, payload):
             if fix.name is None or fix.name == self._name:
                 self._correct(fix)
+        stores = channel == COMMAND and payload[:1] == bytes([LOC_PERSIST_STATIONS])
+        return bytes([LOC_PERSIST_STATIONS, 1]) if stores else None
 
     def _correct(self, fix: Fix) -> None:
         position_std = self._deviation("locSrv.extPosStdDev")
@@ -293,6 +305,9 @@ class Vehicle:
         """Apply the immediate effect of a written parameter."""
         if name == "stabilizer.controller":
             self._craft.controller = int(self._parameters[name])
+        if name == "memTst.resetW" and self._parameters[name]:
+            self._memories.tester.errors = 0
+            self._parameters.put(name, 0)
         if name in SWITCHES.values():
             self._craft.receive_positions(on=self._knows_map())
         if name != "kalman.resetEstimation" or not self._parameters[name]:

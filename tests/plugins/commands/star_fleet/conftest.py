@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import Any
 
 import pytest
 
-from star_core import Array, Supervisor
+from star_core import Array, Supervisor, World
 from star_core.testing import scene
 from star_fleet.packet import NULL, Port, join
 from star_fleet.parameters import CONTENTS as PARAMETERS
@@ -21,8 +22,11 @@ LOG_NUMBER = {entry.name: i for i, entry in enumerate(VARIABLES)}
 class Bench:
     """A fleet, its simulated clock, and everything that its vehicles streamed."""
 
-    def __init__(self, n: int = 1, *, noise: bool = False, **options: Any) -> None:
-        self.fleet = ideal_fleet(scene(n), noise=noise, **options)
+    def __init__(
+        self, n: int = 1, *, noise: bool = False, world: World | None = None, **options: Any
+    ) -> None:
+        room = scene(n) if world is None else replace(scene(n), world=world)
+        self.fleet = ideal_fleet(room, noise=noise, **options)
         self.streamed: list[list[bytes]] = [[] for _ in range(n)]
         for row, packets in enumerate(self.streamed):
             self.fleet.listen(row, packets.append)

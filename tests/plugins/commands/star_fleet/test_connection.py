@@ -66,14 +66,14 @@ def test_every_name_is_unique_and_fits_into_a_packet() -> None:
         assert all(len(described(entry)) <= 27 for entry in contents.entries)
 
 
-def test_there_is_a_configuration_and_a_trajectory_memory(start: Start) -> None:
+def test_configuration_and_trajectory_are_the_first_memories(start: Start) -> None:
     bench = start()
-    assert bench.ask(Port.MEMORY, 0, b"\x01") == [b"\x01\x02"]
+    assert bench.ask(Port.MEMORY, 0, b"\x01") == [b"\x01\x06"]
     (configuration,) = bench.ask(Port.MEMORY, 0, b"\x02\x00")
     assert struct.unpack("<BBBI8s", configuration) == (2, 0, 0x00, 112, bytes(8))
     (trajectory,) = bench.ask(Port.MEMORY, 0, b"\x02\x01")
     assert struct.unpack("<BBBI8s", trajectory) == (2, 1, 0x12, 4096, bytes(8))
-    assert bench.ask(Port.MEMORY, 0, b"\x02\x05") == [b"\x02\x05"]
+    assert bench.ask(Port.MEMORY, 0, b"\x02\x09") == [b"\x02\x09"]
 
 
 def test_a_vehicle_reports_that_it_runs_once_a_client_listens(start: Start) -> None:

@@ -8,10 +8,12 @@ import struct
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 import pytest
 
 from star_core import Supervisor
 from star_fleet.packet import Port
+from star_fleet.spiral import spiral
 from tests.plugins.commands.star_fleet.conftest import aloft
 
 Start = Callable[..., Any]
@@ -227,3 +229,36 @@ def test_a_trajectory_outside_the_memory_is_not_executed(start: Start) -> None:
     assert begin(bench) == errno.ENOEXEC
     define(bench, kind=7)
     assert begin(bench) == 0
+
+
+@pytest.mark.parametrize(
+    ("sideways", "clockwise", "end", "turn"),
+    [
+        (0, 1, (0.0, -1.0), -math.pi),
+        (0, 0, (0.0, 1.0), math.pi),
+        (1, 1, (1.0, 0.0), -math.pi),
+        (1, 0, (-1.0, 0.0), math.pi),
+    ],
+)
+def test_half_a_turn_of_a_spiral_ends_across(
+    sideways: int, clockwise: int, end: tuple[float, float], turn: float
+) -> None:
+    start = np.array([0.0, 0.0, 0.5, 0.0])
+    piece = spiral(start, bool(sideways), bool(clockwise), math.pi, 0.5, 0.5, 0.2, 3.0)
+    assert piece.at(0.0)[0] == pytest.approx(start)
+    pose, rate, _ = piece.at(3.0)
+    assert pose == pytest.approx([*end, 0.7, turn])
+    assert np.hypot(*rate[:2]) == pytest.approx(0.5 * math.pi / 3.0)
+    arc = np.array([piece.at(t)[0][:2] for t in np.linspace(0.0, 3.0, 31)])
+    radius = np.hypot(*(arc - np.array(end) / 2).T)
+    assert np.abs(radius - 0.5).max() < 0.06  # one polynomial for half a turn
+
+
+def test_a_spiral_is_flown_and_one_without_a_duration_refused(start: Start) -> None:
+    bench = aloft(start)
+    spiral_of = "BBBBfffff"
+    assert bench.command(spiral_of, 11, 0, 0, 1, math.pi, 0.4, 0.4, 0.0, 0.0) == errno.ENOEXEC
+    assert bench.command(spiral_of, 11, 0, 0, 1, math.pi, 0.4, 0.4, 0.1, 4.0) == 0
+    bench.fly(4.0)
+    bench.let_go()
+    assert np.linalg.norm(bench.position - [0.0, -0.8, 0.9]) < 0.2

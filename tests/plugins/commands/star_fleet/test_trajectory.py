@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.polynomial import polynomial
 
-from star_fleet.memory import bezier, compressed, plain
+from star_fleet.trajectory import bezier, compressed, plain
 from star_sim.pieces import Piece
 
 coefficients = st.lists(st.floats(-2, 2), min_size=32, max_size=32)

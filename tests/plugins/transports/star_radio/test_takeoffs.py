@@ -11,7 +11,7 @@ import pytest
 
 from star_core import Command, Order, Telemetry
 from star_fleet.link_faults import LinkFaults
-from star_fleet.memory import compressed
+from star_fleet.trajectory import compressed
 from star_radio import orders, profiles, trajectories
 from star_radio.transport import Radio
 from star_sim import pieces

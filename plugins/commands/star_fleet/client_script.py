@@ -1,0 +1,99 @@
+"""A script that is a fleet's client: started when the ports are open, ending the fleet."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+import subprocess
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from threading import Thread
+from types import FrameType
+from typing import Final
+
+from star_core import InputError, Scene
+from star_fleet.server import Fleet, address
+
+FLEET: Final = "STAR_FLEET"  # environment variable that lists the drones
+LAUNCHER: Final = ("-m", "star_radio.cflib_script")
+PYTHON: Final = re.compile(r"python(\d+(\.\d+)?)?(\.exe)?")
+PATIENCE: Final = 10.0  # s, that a script has to end after SIGTERM
+
+
+def launched(command: Sequence[str]) -> list[str]:
+    """Return the command line that runs ``python [options] SCRIPT.py [arguments]`` with cflib.
+
+    >>> launched(["python", "-u", "hover.py", "--fast"])
+    ['python', '-u', '-m', 'star_radio.cflib_script', 'hover.py', '--fast']
+
+    Raises:
+        InputError: It is another command, or there is no such script.
+    """
+    at = next((i for i, word in enumerate(command) if i and not word.startswith("-")), 0)
+    script = command[at] if at else ""
+    if not PYTHON.fullmatch(Path(command[0]).name) or not script.endswith(".py"):
+        text = f"-- {' '.join(command)}: expected python [options] SCRIPT.py [arguments]"
+        raise InputError(text, "invalid-option")
+    if not Path(script).is_file():
+        raise InputError(f"-- {' '.join(command)}: {script}: no such file", "file-not-found")
+    return [*command[:at], *LAUNCHER, *command[at:]]
+
+
+@contextmanager
+def client(command: Sequence[str], fleet: Fleet, scene: Scene) -> Iterator[Callable[[], int]]:
+    """Run a script beside a fleet, which stops with it; yield a function for its exit status.
+
+    SIGTERM is passed on to the script. SIGINT is not: by Ctrl-C a terminal sends it to both, and
+    the fleet serves on until the script has ended. A script that still runs at the end is
+    terminated.
+
+    Raises:
+        InputError: The script cannot be started.
+    """
+    drones = [
+        [agent.name, agent.uri or "", f"{address(agent, row):010X}", link]
+        for row, (agent, link) in enumerate(zip(scene.agents, fleet.addresses, strict=True))
+    ]
+    words = launched(command)
+    try:
+        process = subprocess.Popen(words, env={**os.environ, FLEET: json.dumps(drones)})  # noqa: S603 -- the user's
+    except OSError as error:
+        raise InputError(f"-- {command[0]}: {error.strerror}", "file-not-found") from error
+
+    def wait() -> None:
+        process.wait()
+        fleet.stop()
+
+    def terminate(_number: int, _frame: FrameType | None) -> None:
+        process.terminate()
+
+    def ignore(_number: int, _frame: FrameType | None) -> None:
+        pass
+
+    watcher = Thread(target=wait, name="script", daemon=True)
+    watcher.start()
+    before = [
+        signal.signal(number, handler)
+        for number, handler in ((signal.SIGINT, ignore), (signal.SIGTERM, terminate))
+    ]
+    try:
+        yield lambda: status(process)
+    finally:
+        status(process)
+        for number, handler in zip((signal.SIGINT, signal.SIGTERM), before, strict=True):
+            signal.signal(number, handler)
+
+
+def status(process: subprocess.Popen[bytes]) -> int:
+    """Terminate a process that still runs; return its exit status, 128 + n if signal n ended it."""
+    if process.poll() is None:
+        process.terminate()
+        try:
+            process.wait(PATIENCE)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+    return process.returncode if process.returncode >= 0 else 128 - process.returncode
