@@ -14,6 +14,7 @@ from typing import Any, Final
 import numpy as np
 
 from star_core.testing import scene
+from star_fleet.memory import Memory, Stations, Stored, Tester
 from star_fleet.packet import MAX_PAYLOAD, Port, is_null, join, split
 from star_fleet.server import Fleet
 from star_fleet.setpoints import decode, fixes
@@ -28,10 +29,12 @@ GOOD: Final = [
     join(Port.ATTITUDE, 0, struct.pack("<fffH", 1.0, 2.0, 3.0, 30000)),
     join(Port.HIGH_LEVEL, 0, struct.pack("<BBff?f", 7, 0, 0.8, 0.0, 1, 2.0)),
     join(Port.HIGH_LEVEL, 0, struct.pack("<BBBBfffff", 12, 0, 1, 0, 0.1, 0, 0, 0, 2.0)),
+    join(Port.HIGH_LEVEL, 0, struct.pack("<BBBBfffff", 11, 0, 0, 1, 3.0, 0.5, 0.5, 0.1, 3.0)),
     join(Port.HIGH_LEVEL, 0, struct.pack("<BBBBIB", 6, 1, 1, 0, 0, 2)),
     join(Port.HIGH_LEVEL, 0, struct.pack("<BBBBBBf", 13, 0, 1, 1, 0, 1, 1.0)),
     join(Port.MEMORY, 2, struct.pack("<BI24s", 1, 0, b"\x3f" * 24)),
     join(Port.MEMORY, 1, struct.pack("<BIB", 1, 0, 24)),
+    join(Port.MEMORY, 2, struct.pack("<BI24s", 2, 0x1100, b"\x3f" * 24)),
     join(Port.LOG, 1, struct.pack("<BBBHBH", 6, 1, 7, 3, 7, 9)),
     join(Port.LOG, 1, b"\x03\x01\x02"),
     join(Port.PARAMETERS, 2, struct.pack("<HB", 40, 1)),
@@ -176,7 +179,7 @@ def known(fleet: Fleet) -> tuple[Any, ...]:
     vehicle = fleet.vehicles[0]
     return (
         fleet.simulator.drones[0].tobytes(),
-        tuple(bytes(memory) for _kind, memory in vehicle._memories._memories),
+        tuple(content(entry.memory) for entry in vehicle._memories._memories),
         tuple(vehicle._parameters._values),
         dict(vehicle._parameters._stored),
         repr(vehicle._log._blocks),
@@ -187,6 +190,15 @@ def known(fleet: Fleet) -> tuple[Any, ...]:
         vehicle.supervisor.state,
         vehicle.supervisor.armed,
     )
+
+
+def content(memory: Memory) -> object:
+    """What a client can change in a memory."""
+    if isinstance(memory, Stored):
+        return bytes(memory.content)
+    if isinstance(memory, Stations):
+        return [bytes(page.content) for page in memory._pages.values()]
+    return memory.errors if isinstance(memory, Tester) else None
 
 
 TARGETS: Final = (
