@@ -21,7 +21,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
@@ -117,6 +117,9 @@ ONLY_ELSEWHERE = {
 }
 """What examples need that a fleet is not."""
 
+NOT_SERVED = {"memory/read_paa3905.py": "the raw image of the flow sensor"}
+"""What examples need that a fleet does not serve."""
+
 NO_EXAMPLES = {"multiranger/wall_following/wall_following.py"}  # a module of another one
 
 RUNS = {
@@ -133,7 +136,6 @@ RUNS = {
     "memory/read_deck_mem.py": Run(shows="Deck id|No memories to read"),
     "memory/read_l5.py": Run(shows="FPS"),
     "memory/read_ow.py": Run(shows="Valid     : True"),
-    "memory/read_paa3905.py": Run(shows="FPS"),
     "memory/write_ow.py": Run(shows="Hello deck"),
     "multiranger/multiranger_push.py": Run(endless=20),
     "multiranger/multiranger_wall_following.py": Run(endless=30, shows="velocity_x"),
@@ -160,7 +162,7 @@ class Result(NamedTuple):
 
 
 def main() -> int:
-    """Print a line for every example and a summary; 1 if fewer than `EXPECTED` run."""
+    """Print a line for every example, a table and a summary; 1 if fewer than `EXPECTED` run."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("examples", nargs="*", help="only those whose path contains one of these")
     parser.add_argument("--jobs", type=int, default=2, help="at the same time; %(default)s")
@@ -190,9 +192,26 @@ def main() -> int:
                 print(f"{result.outcome:10}{result.name:60}{result.reason}", flush=True)
                 if arguments.output and result.outcome == "fails":
                     print(result.output)
+    print(table(results))
     counts = Counter(result.outcome for result in results)
     print(f"examples {len(results)}:", ", ".join(f"{n} {o}" for o, n in counts.most_common()))
     return int(not arguments.examples and counts["runs"] < EXPECTED)
+
+
+def table(results: Sequence[Result]) -> str:
+    """Return the table of the documentation: by folder, how many run, and what the others need."""
+    lines = ["| folder | examples | run | the others |", "|---|---|---|---|"]
+    folders = {result.name.rpartition("/")[0] for result in results}
+    for folder in sorted(folders):
+        rows = [result for result in results if result.name.rpartition("/")[0] == folder]
+        others = [
+            f"`{row.name.rpartition('/')[2]}`: {row.reason}"
+            for row in rows
+            if row.outcome != "runs"
+        ]
+        count = len(rows) - len(others)
+        lines.append(f"| {folder or '.'} | {len(rows)} | {count} | {'; '.join(others)} |")
+    return "\n".join(lines)
 
 
 def examples(folder: Path) -> Iterator[str]:
@@ -207,6 +226,8 @@ def run(root: Path, name: str) -> Result:
     """Run an example against a fleet of its own, and judge it."""
     if name in ONLY_ELSEWHERE:
         return Result(name, "elsewhere", f"needs {ONLY_ELSEWHERE[name]}")
+    if name in NOT_SERVED:
+        return Result(name, "fails", f"needs {NOT_SERVED[name]}, which is not served")
     case = RUNS.get(name, Run())
     script = root / "examples" / name
     port = "19850" if name == "radio/scan.py" else "0"

@@ -174,7 +174,7 @@ def configure(line: argparse.ArgumentParser) -> None:
         "--deck",
         action="append",
         default=[],
-        choices=OPTIONAL,
+        choices=tuple(OPTIONAL),
         help="deck that all drones carry beside those of the mission; may be repeated",
     )
     line.add_argument(
