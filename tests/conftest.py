@@ -82,6 +82,7 @@ avoider: orca
 mission:
   - takeoff: {height: 0.3, speed: 0.5}
   - land: {speed: 0.5}
+rate: 10
 """
 
 

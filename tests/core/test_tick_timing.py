@@ -190,7 +190,9 @@ def test_a_plugin_that_is_too_slow_is_reported_in_the_record(
     slow = Slow()
     monkeypatch.setattr("star_core.plugin_support.compute_time.perf_counter", lambda: slow.clock)
     registry = Registry(slow)
-    summary = fly(load(hop / "hop.yaml", registry, ["transport=wall", "avoider=slow"]), registry)
+    summary = fly(
+        load(hop / "hop.yaml", registry, ["rate=20", "transport=wall", "avoider=slow"]), registry
+    )
     assert summary["late_ticks"] == 1
     assert summary["latest_tick_s"] == pytest.approx(2.5 * PERIOD, abs=STEP)
     assert len(slow.late) == 1

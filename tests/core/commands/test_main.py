@@ -541,7 +541,7 @@ class Counter:
 def test_an_option_of_a_plugin_adds_an_observer(
     said: Said, with_plugin: Callable[[object], None]
 ) -> None:
-    for arguments, ticks in ([], 0), (["--count"], 9.8 * 20):
+    for arguments, ticks in ([], 0), (["--count"], 9.8 * 10):
         counter = Counter()
         with_plugin(counter)
         assert main(["run", "hop.yaml", "--no-record", *arguments]) == 0

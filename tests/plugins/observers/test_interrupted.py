@@ -5,12 +5,14 @@ from __future__ import annotations
 import subprocess
 import sys
 from pathlib import Path
+from shutil import copytree
 
 import numpy as np
 import pytest
 
 from star_core import InputError, read_run
 from star_core.commands.main import main
+from tests.conftest import HOP, ROOM
 
 TICKS = 40
 KILLED = f"""
@@ -37,10 +39,18 @@ fly(mission, registry, folder="out")
 """
 
 
+@pytest.fixture(scope="module")
+def original(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("killed")
+    for name, text in (("room", ROOM), ("hop", HOP)):
+        (folder / f"{name}.yaml").write_text(text)
+    subprocess.run([sys.executable, "-c", KILLED], check=False, cwd=folder, timeout=120)
+    return folder / "out"
+
+
 @pytest.fixture
-def killed(hop: Path) -> Path:
-    subprocess.run([sys.executable, "-c", KILLED], check=False, cwd=hop, timeout=120)
-    return hop / "out"
+def killed(original: Path, tmp_path: Path) -> Path:
+    return copytree(original, tmp_path / "out")
 
 
 def test_a_killed_flight_is_read_as_interrupted(

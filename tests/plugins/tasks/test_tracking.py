@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -51,9 +50,11 @@ class Track:
     def __init__(self) -> None:
         self.error: list[float] = []
         self.followed: list[bool] = []
+        self.ticks: list[Tick] = []
 
     @hookimpl
     def star_ticked(self, tick: Tick) -> None:
+        self.ticks.append(tick)
         if tick.truth is not None and np.linalg.norm(tick.goals.velocity[0]) > 0:
             self.error.append(float(np.linalg.norm(tick.truth.position - tick.goals.position)))
             self.followed.append(bool(tick.sent.followed()[0]))
@@ -63,20 +64,30 @@ class Track:
         return float(np.sqrt(np.mean(np.square(self.error))))
 
 
+def written(folder: Path) -> Path:
+    for name, text in (("room", WORLD), ("mission", MISSION)):
+        (folder / f"{name}.yaml").write_text(text)
+    (folder / "path.csv").write_text(zigzag())
+    return folder
+
+
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    for name, text in (("room", WORLD), ("mission", MISSION)):
-        (tmp_path / f"{name}.yaml").write_text(text)
-    (tmp_path / "path.csv").write_text(zigzag())
-    return tmp_path
+    return written(tmp_path)
 
 
-def flown(folder: Path, changes: Sequence[str] = ()) -> tuple[Track, dict[str, Any]]:
+def flown(folder: Path, *changes: str) -> Track:
     track = Track()
     registry = Registry(track)
-    summary = fly(load(folder / "mission.yaml", registry, list(changes)), registry)
+    summary = fly(load(folder / "mission.yaml", registry, changes), registry)
     assert summary["outcome"] == "completed", summary["reason"]
-    return track, summary
+    return track
+
+
+@pytest.fixture(scope="module")
+def flight(tmp_path_factory: pytest.TempPathFactory) -> Track:
+    """The flight of the mission as it is."""
+    return flown(written(tmp_path_factory.mktemp("flight")))
 
 
 @pytest.mark.parametrize(
@@ -88,20 +99,21 @@ def flown(folder: Path, changes: Sequence[str] = ()) -> tuple[Track, dict[str, A
         ("planner=visibility",),
     ],
 )
-def test_trajectories_are_flown_in_their_own_time(folder: Path, changes: Sequence[str]) -> None:
-    track, _ = flown(folder, changes)
+def test_trajectories_are_flown_in_their_own_time(
+    folder: Path, flight: Track, changes: Sequence[str]
+) -> None:
+    track = flown(folder, *changes) if changes else flight
     assert len(track.error) > 80
     assert track.rms < 0.06
     assert max(track.error) < 0.15
     assert np.mean(track.followed) > 0.9
 
 
-def test_the_expected_error_is_that_of_the_simulator(folder: Path) -> None:
-    track, _ = flown(folder)
+def test_the_expected_error_is_that_of_the_simulator(folder: Path, flight: Track) -> None:
     path = read_trajectory(folder / "path.csv", "path.csv", "poly7")
     expected = tracking_error(path, 1.0, 0.05, on_board=False)
-    assert expected.rms == pytest.approx(track.rms, abs=0.015)
-    assert expected.most == pytest.approx(max(track.error), abs=0.04)
+    assert expected.rms == pytest.approx(flight.rms, abs=0.015)
+    assert expected.most == pytest.approx(max(flight.error), abs=0.04)
 
 
 def test_the_check_reports_the_error_to_expect(folder: Path) -> None:
@@ -121,21 +133,12 @@ def test_the_check_warns_of_imprecise_trajectories(folder: Path) -> None:
     assert warning.endswith("[imprecise-trajectory]")
 
 
-def test_goals_along_trajectories_have_their_derivatives(folder: Path) -> None:
-    ticks: list[Tick] = []
-
-    class Watch:
-        @hookimpl
-        def star_ticked(self, tick: Tick) -> None:
-            ticks.append(tick)
-
-    registry = Registry(Watch())
-    fly(load(folder / "mission.yaml", registry), registry)
-    goals = [tick.goals for tick in ticks]
+def test_goals_along_trajectories_have_their_derivatives(flight: Track) -> None:
+    goals = [tick.goals for tick in flight.ticks]
     moving = [(g.velocity[0], g.acceleration[0]) for g in goals if g.acceleration is not None]
     velocity, acceleration = (np.array(column) for column in zip(*moving, strict=True))
     difference = (velocity[2:] - velocity[:-2]) / 0.1
     assert len(moving) > 80
     assert abs(difference - acceleration[1:-1]).max() < 1.0  # between pieces its slope jumps
-    others = [tick for tick in ticks if tick.goals.acceleration is None]
+    others = [tick for tick in flight.ticks if tick.goals.acceleration is None]
     assert all(tick.sent.position is None for tick in others)
