@@ -107,7 +107,7 @@ ONLY_ELSEWHERE = {
     "lighthouse/lighthouse_openvr_grab_color.py": "an OpenVR tracker",
     "lighthouse/lighthouse_openvr_multigrab.py": "an OpenVR tracker",
     "lighthouse/multi_bs_geometry_estimation.py": "sweeps of real base stations, and a keyboard",
-    "loco_nodes/lps_reboot_to_bootloader.py": "Loco anchors, and the package lpslib",
+    "loco_nodes/lps_reboot_to_bootloader.py": "Loco anchors",
     "mocap/mocap_hl_commander.py": "a Vicon server",
     "mocap/mocap_swarm.py": "a Vicon server",
     "mocap/mocap_swarm_multi_commander.py": "a Vicon server",
@@ -199,7 +199,7 @@ def main() -> int:
 
 
 def table(results: Sequence[Result]) -> str:
-    """Return the table of the documentation: by folder, how many run, and what the others need."""
+    """return the table of docs/from-cflib.md: by folder, how many run, and what the others need."""
     lines = ["| folder | examples | run | the others |", "|---|---|---|---|"]
     folders = {result.name.rpartition("/")[0] for result in results}
     for folder in sorted(folders):

@@ -3,8 +3,8 @@
 ``star fleet MISSION -- python SCRIPT.py`` starts it. Before the script runs, a link driver is
 registered with cflib that maps ``radio://`` and ``usb://`` addresses to the drones that `FLEET`
 lists; cflib's own drivers serve all other addresses. An address belongs to the drone whose ``uri``
-in the mission it is, else to the one with its address on the radio, else, as to the first that is
-free, to the next drone that no link of the script has yet.
+in the mission it is, else to the one with its address on the radio, else to the next drone that no
+other address of the script has.
 """
 
 from __future__ import annotations
