@@ -129,7 +129,7 @@ def views(folder: Path) -> None:
         "view-mission": "view missions/search.yaml",
         "view-flight": "view runs/search",
         "view-world": "view missions/worlds/search_hall.yaml",
-        "view-live": "run missions/search.yaml --no-record --view --speed 1",
+        "view-live": "run missions/search.yaml --no-record --view --speed 0.2",
     }
     for name, command in commands.items():
         with _served(folder, command) as address:

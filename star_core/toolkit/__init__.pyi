@@ -51,8 +51,6 @@ from star_core.plugin_support.specs import KindSpec as KindSpec
 from star_core.plugin_support.specs import MonitorSpec as MonitorSpec
 from star_core.plugin_support.specs import Spec as Spec
 from star_core.plugin_support.specs import StepGoal as StepGoal
-from star_core.records.report import ReportTable as ReportTable
-from star_core.records.report import WrittenReport as WrittenReport
 from star_core.records.run import PlannedPaths as PlannedPaths
 from star_core.records.study_results import STUDY_COLUMNS as STUDY_COLUMNS
 from star_core.records.study_results import SUMMARY_MEASURES as SUMMARY_MEASURES
@@ -111,6 +109,10 @@ from star_core.toolkit.progress import log as log
 from star_core.toolkit.progress import on_terminal as on_terminal
 from star_core.toolkit.surface_heights import SurfaceHeights as SurfaceHeights
 from star_core.toolkit.surface_heights import SurfaceReport as SurfaceReport
+from star_core.toolkit.table_text import ReportTable as ReportTable
+from star_core.toolkit.table_text import WrittenReport as WrittenReport
+from star_core.toolkit.table_text import print_table as print_table
+from star_core.toolkit.table_text import terminal_width as terminal_width
 from star_core.toolkit.tag_overlay import image_with_tags as image_with_tags
 from star_core.toolkit.timeouts import step_timeout as step_timeout
 from star_core.toolkit.timeouts import timeout as timeout

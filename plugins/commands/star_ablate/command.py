@@ -17,7 +17,6 @@ from star_ablate import measures
 from star_ablate.dry_run import describe
 from star_ablate.flight import Result
 from star_ablate.journal import JOURNAL, Journal, StudyProgress, entries
-from star_ablate.printing import print_table
 from star_ablate.reading import read
 from star_ablate.results import study_results
 from star_ablate.shards import ABOUT, Shard, merged, require_shard, shard
@@ -32,7 +31,7 @@ from star_core.commands import (
     write_report,
     writing,
 )
-from star_core.toolkit import Progress, StudyResults, log
+from star_core.toolkit import Progress, StudyResults, log, print_table
 
 DONE, INTERRUPTED = 0, 1  # exit status; bad input is 2, as with every command
 

@@ -26,7 +26,7 @@ from star_bench.files import (
     write,
 )
 from star_bench.scenarios import CATALOGUE, MAX_AGENTS, MIN_AGENTS, Case, checked_options, numbers
-from star_bench.table import Key, Metrics, as_csv, as_markdown, metrics, rows
+from star_bench.table import Key, Metrics, as_csv, as_markdown, as_table, metrics, rows
 from star_core import InputError, PluginError, Registry
 from star_core.commands import (
     output_folder,
@@ -34,7 +34,7 @@ from star_core.commands import (
     write_report,
     writing,
 )
-from star_core.toolkit import Progress, StudyFlight, StudyResults, suggestion
+from star_core.toolkit import Progress, StudyFlight, StudyResults, print_table, suggestion
 
 FLOWN: Final = "flown"  # folder of the study's results
 ABOUT: Final = "study.json"
@@ -70,7 +70,11 @@ def run(options: argparse.Namespace, registry: Registry) -> int:
         (folder / "results.csv").write_text(titled.as_csv(FACTORS, MEASURES), encoding="utf-8")
         _write_versions(folder)
     line, _ = write_report(folder, registry)
-    sys.stdout.write(f"{table}\nresults: {folder}\n{line}\n")
+    if sys.stdout.isatty():
+        print_table(as_table(groups))
+    else:
+        sys.stdout.write(table)
+    sys.stdout.write(f"\nresults: {folder}\n{line}\n")
     return 1 if flown.interrupted else 0
 
 

@@ -9,7 +9,7 @@ from statistics import fmean
 from typing import Any, Final, NamedTuple, TypeAlias
 
 from star_bench.scenario import Scenario
-from star_core.toolkit import StudyFlight
+from star_core.toolkit import ReportTable, StudyFlight
 
 MISSING: Final = "-"  # in a cell
 ALL: Final = "all"
@@ -173,6 +173,14 @@ def as_markdown(groups: Sequence[tuple[Key, Sequence[Cell]]]) -> str:
         *(_line([*key, *_shown(cells)]) for key, cells in groups),
     ]
     return "\n".join(lines) + "\n\n" + LEGEND
+
+
+def as_table(groups: Sequence[tuple[Key, Sequence[Cell]]]) -> ReportTable:
+    """Return the table for a terminal."""
+    shown = [(name, "") for name, (_, how) in COLUMNS.items() if how is not None]
+    return ReportTable(
+        "", "", Key._fields, shown, [[*key, *_shown(cells)] for key, cells in groups]
+    )
 
 
 def _shown(cells: Sequence[Cell]) -> Iterator[str]:

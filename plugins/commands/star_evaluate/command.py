@@ -11,12 +11,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from star_core import InputError, Registry, Run, read_run
-from star_core.toolkit import Progress
+from star_core.toolkit import Progress, ReportTable, print_table
 
 if TYPE_CHECKING:
     from star_evaluate.evaluation import Errors, Evaluation
 
-COLUMNS = ("agent", "MSE m²", "RMS m", "worst m", "NEES", "flown m", "samples", "covered")
+COLUMNS = ("MSE m²", "RMS m", "worst m", "NEES", "flown m", "samples", "covered")
 
 
 def run(options: argparse.Namespace, _registry: Registry) -> int:
@@ -46,6 +46,7 @@ def run(options: argparse.Namespace, _registry: Registry) -> int:
         sys.stdout.write("\n")
     else:
         sys.stdout.writelines(f"{line}\n" for line in _text(run, evaluation, source, options))
+        print_table(_table(evaluation))
     return 0
 
 
@@ -112,13 +113,14 @@ def _text(
             f"alignment    {options.align}: turned by roll {roll:.3f}°, pitch {pitch:.3f}°, yaw "
             f"{yaw:.3f}°, then moved by [{moved}] m"
         )
-    rows = [COLUMNS, *(_row(name, errors) for name, errors in evaluation.agents.items())]
+
+
+def _table(evaluation: Evaluation) -> ReportTable:
+    """Return the errors of each agent."""
+    rows = [_row(name, errors) for name, errors in evaluation.agents.items()]
     if len(evaluation.agents) > 1:
         rows.append(_row("all", evaluation.every))
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    for row in rows:
-        first, *others = zip(row, widths, strict=True)
-        yield "  ".join([first[0].ljust(first[1]), *(cell.rjust(width) for cell, width in others)])
+    return ReportTable("", "", ["agent"], [(name, "") for name in COLUMNS], rows)
 
 
 def _row(name: str, errors: Errors) -> tuple[str, ...]:

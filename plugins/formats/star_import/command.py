@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from star_core import InputError, Registry
+from star_core.toolkit import terminal_width
 from star_import.assembly import ImportOptions, assemble
 from star_import.import_log import ImportLog, as_json, table
 from star_import.output_files import OutputFiles, Room, write
@@ -56,7 +57,7 @@ def run(flags: argparse.Namespace, registry: Registry) -> int:
     if flags.json:
         sys.stdout.write(as_json(log.notes, map(str, files)))
     else:
-        sys.stdout.write(table(log.notes))
+        sys.stdout.write(table(log.notes, terminal_width()))
         sys.stdout.write(f"written: {', '.join(map(str, files))}\n")
         if refused:
             sys.stdout.write(f"{refused} of {len(missions)} missions cannot be imported\n")

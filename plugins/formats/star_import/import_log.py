@@ -8,6 +8,7 @@ from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from enum import StrEnum
+from textwrap import fill
 from typing import Any, Final
 
 from star_core import InputError
@@ -145,9 +146,22 @@ def grouped(notes: Iterable[Note]) -> list[Note]:
     return sorted(rows, key=lambda row: order.index(row.severity))
 
 
-def table(notes: Iterable[Note]) -> str:
-    """Return remarks as lines with severity, location and message."""
+def table(notes: Iterable[Note], columns: int | None = None) -> str:
+    """Return remarks as lines with severity, location and message.
+
+    Args:
+        notes: Remarks.
+        columns: Width of the terminal, on which messages stand below their locations.
+    """
     rows = grouped(notes)
+    if columns is not None:
+        indent = " " * 9
+        return "".join(
+            f"{row.severity:8} {row.location}\n"
+            + fill(row.message, columns, initial_indent=indent, subsequent_indent=indent)
+            + "\n"
+            for row in rows
+        )
     width = max((len(row.location) for row in rows if len(row.location) <= WIDEST), default=0)
     lines = []
     for row in rows:

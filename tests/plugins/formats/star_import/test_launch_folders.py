@@ -11,6 +11,7 @@ import pytest
 from star_core import InputError, Registry, load
 from star_core.commands.main import main as star
 from star_core.toolkit import actions
+from star_import.import_log import Note, Severity, table
 from tests.plugins.formats.star_import.conftest import ROBOTS, Import, remark
 from tests.plugins.formats.star_import.originals import launch_folder
 
@@ -101,6 +102,16 @@ def test_the_list_is_a_table_by_severity(capsys: pytest.CaptureFixture[str]) -> 
     assert len(rows) <= 20
     assert written == "written: imported/worlds/hall.yaml, imported/up.yaml"
     assert summary == "1 of 2 missions cannot be imported"
+
+
+def test_a_terminal_has_messages_below_their_locations() -> None:
+    notes = [Note(Severity.IGNORED, "launch/crazyflies.yaml:16:5", "is not enabled " * 4, "cf3")]
+    location, *message = table(notes, 50).splitlines()
+    assert location == "ignored  launch/crazyflies.yaml:16:5"
+    assert message == [
+        "         cf3: is not enabled is not enabled is not",
+        "         enabled is not enabled",
+    ]
 
 
 @pytest.mark.usefixtures("folder")

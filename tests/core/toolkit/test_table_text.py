@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import re
 
-from star_ablate.printing import table_lines
 from star_core.toolkit import ReportTable
+from star_core.toolkit.table_text import table_lines
 
 TABLE = ReportTable(
     title="Means",

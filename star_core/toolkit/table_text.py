@@ -1,4 +1,4 @@
-"""A table as lines of text that fit a terminal."""
+"""Tables of reports, and their lines of text that fit a terminal."""
 
 from __future__ import annotations
 
@@ -6,13 +6,47 @@ import shutil
 import sys
 from collections.abc import Iterator, Sequence
 from textwrap import wrap
-from typing import Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
-from star_core.toolkit import ReportTable
+if TYPE_CHECKING:
+    from pathlib import Path
+
 
 GAP: Final = "  "
 NOTE_WIDTH: Final = 100  # columns, of the text above a table, at most
 MIN_NAME: Final = 8  # columns, of a name that is longer
+
+
+class ReportTable(NamedTuple):
+    """A table of a report.
+
+    Attributes:
+        title: Heading.
+        note: Paragraph before the table.
+        names: Columns with levels, whose texts are aligned to the left.
+        measures: Columns with numbers: name and, if it differs, key in the files.
+        rows: Cells.
+    """
+
+    title: str
+    note: str
+    names: Sequence[str]
+    measures: Sequence[tuple[str, str]]
+    rows: Sequence[Sequence[str]]
+
+
+class WrittenReport(NamedTuple):
+    """A report and what commands print of it.
+
+    Attributes:
+        page: Its file.
+        summary: One sentence, or nothing.
+        tables: Those on the page, the most important first.
+    """
+
+    page: Path
+    summary: str = ""
+    tables: Sequence[ReportTable] = ()
 
 
 class _Column(NamedTuple):
@@ -113,8 +147,12 @@ def _joined(cells: Sequence[str]) -> str:
     return GAP.join(cells).rstrip()
 
 
+def terminal_width() -> int | None:
+    """Return the width of the terminal on stdout, in characters; None if there is none."""
+    return shutil.get_terminal_size().columns if sys.stdout.isatty() else None
+
+
 def print_table(table: ReportTable) -> None:
-    """Print a table, on a terminal as wide as that."""
-    width = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
-    for line in table_lines(table, width):
+    """Print a table without its title, on a terminal as wide as that."""
+    for line in table_lines(table, terminal_width()):
         sys.stdout.write(f"{line}\n")
