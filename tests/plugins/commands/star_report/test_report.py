@@ -21,6 +21,7 @@ from star_report.charts import series, tick_times
 from star_report.page import page
 from star_report.series import clearance, errors, separation
 from star_report.views import replay, top_view
+from tests.plugins.commands.star_view.chromium import CHROMIUM, Chromium
 
 MISSION = """\
 star: 1
@@ -71,6 +72,24 @@ def test_the_page_needs_no_network_and_shows_all_sections(
     figures = re.findall(r"data-figure=\d+>(.*?)</script>", page, re.DOTALL)
     assert all(json.loads(figure)["data"] for figure in figures)
     assert len(page) < 5_000_000
+
+
+LEGEND = (  # px, how much of the plot it covers
+    "drawn[0].querySelector('.legend').getBoundingClientRect().bottom"
+    " - drawn[0].getBoundingClientRect().top - drawn[0]._fullLayout._size.t"
+)
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium")
+def test_the_legend_is_above_the_plot_after_a_resize(run: Run, tmp_path: Path) -> None:
+    out = tmp_path / "page.html"
+    assert main(["report", str(run.folder), "-o", str(out)]) == 0
+    with Chromium(out.as_uri()) as chromium:
+        chromium.wait_for("document.body.dataset.ready")
+        for width in (1400, 400):
+            chromium.screenshot(width, 900)
+            chromium.wait_for("Math.abs(drawn[0]._fullLayout.width - drawn[0].clientWidth) < 1")
+            chromium.wait_for(f"{LEGEND} <= 1")
 
 
 def test_the_page_has_the_command_commit_and_seed(
