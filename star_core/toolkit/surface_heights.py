@@ -132,13 +132,16 @@ class SurfaceHeights:
 
     Args:
         scene: Agents and world.
+        only_mapped: Whether an agent is never over a surface that is not in the map: where the
+            on-board estimators know the map, positions that they receive may move heights too.
     """
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Scene, *, only_mapped: bool = False) -> None:
         n = len(scene.agents)
         self._agents, self._obstacles = scene.agents, scene.world.obstacles
         self._ground = np.array([agent.start[2] for agent in scene.agents])
         self._ceiling = float(scene.world.fence.high[2])
+        self._only_mapped = only_mapped
         self._exact = scene.exact_odometry or not scene.heights_above_surface
         self._state = np.full((n, STATES), np.nan)
         self._state[:, [OFFSET, BIAS]] = 0.0
@@ -228,7 +231,7 @@ class SurfaceHeights:
         weight = np.array(list(tops.values())) * np.exp(-0.5 * (off - off.min()))
         best = int(weight.argmax())
         weight /= weight.sum()
-        if off[best] > GATE**2:
+        if off[best] > GATE**2 and not self._only_mapped:
             state[OFFSET] = measured - self._ground[row]
             self._doubt[row] = variance
             x, y = position[:2].tolist()

@@ -233,5 +233,6 @@ def star_localizers(registry: Registry) -> Iterable[LocalizerSpec]:
         options={"type": "object", "properties": OPTIONS | system_options(registry)},
         check=partial(check, registry),
         corrects_heights=True,
+        edge_clearance=0.5,  # benchmarks/heights.py
         drift=deferred("star_mocap.odometry:expected_std"),
     )

@@ -23,7 +23,7 @@ from star_core import (
     Telemetry,
     Transform,
 )
-from star_core.toolkit import shortlist, wrap_angle, yaw_from_quaternion
+from star_core.toolkit import SurfaceHeights, shortlist, wrap_angle, yaw_from_quaternion
 from star_mocap.forwarding import Forwarding
 from star_mocap.identities import UNKNOWN, assign, gates
 from star_mocap.kernel import COLUMNS, HISTORY, STATES, YAW, correct, move, positions_at
@@ -107,6 +107,7 @@ class Mocap:
         self._exchanged: Mapping[int, int] = {}  # agents by the labels that they have
         self._offset_reported = False
         self._messages: list[str] = []
+        self._surfaces = SurfaceHeights(scene)
         self._forwarding = None
         if forward != "none":
             self._forwarding = Forwarding(scene, forward_rate, turns=forward == "extpose")
@@ -128,8 +129,10 @@ class Mocap:
         heading = telemetry.heading
         finite = np.isfinite(telemetry.position.sum(axis=1) + telemetry.velocity.sum(axis=1))
         finite &= np.isfinite(heading + telemetry.age)
+        below = self._surfaces.correct(telemetry, self._state[:, :3], self._covariance[:, :3, :3])
+        moves = below.telemetry.velocity
         report = np.column_stack(
-            [telemetry.time - telemetry.age, telemetry.position, telemetry.velocity, heading]
+            [telemetry.time - telemetry.age, below.telemetry.position, moves, heading]
         )
         if self._forwarding is not None:
             self._forwarding.dead_reckon(report)
@@ -146,7 +149,7 @@ class Mocap:
         turn = wrap_angle(self._state[:, YAW] - self._heading)
         level = Transform(turn, np.zeros_like(self._reported))
         translation = self._state[:, :3] - level.turn(self._reported)
-        velocity = np.where(finite[:, None], level.turn(telemetry.velocity), 0.0)
+        velocity = np.where(finite[:, None], level.turn(moves), 0.0)
         lag = self._lag_variance(telemetry.time, velocity)
         heard = finite & (telemetry.age <= self._max_report_age)
         valid = heard & self._fresh(telemetry, heard)
@@ -155,7 +158,7 @@ class Mocap:
         corrections = Corrections.none()
         if self._forwarding is not None:
             corrections = self._forwarding.corrections(telemetry.time, timed, velocity)
-        messages, self._messages = tuple(self._messages), []
+        messages, self._messages = (*self._messages, *below.messages), []
         return Estimate(
             time=telemetry.time,
             position=self._state[:, :3] + late[:, None] * velocity,
@@ -167,6 +170,7 @@ class Mocap:
             map_from_odom=frames,
             corrections=corrections,
             messages=messages,
+            heights=below.heights,
         )
 
     def _received(self, telemetry: Telemetry) -> PoseFixes:

@@ -71,6 +71,8 @@ def star_localizers() -> Iterable[LocalizerSpec]:
         make=deferred("star_onboard.localizer:Onboard"),
         options=OPTIONS,
         check=check,
+        corrects_heights=True,
+        edge_clearance=0.5,  # benchmarks/heights.py
         drift=deferred("star_onboard.localizer:expected_std"),
         covered=deferred("star_onboard.localizer:is_covered"),
         reports_in_map=True,

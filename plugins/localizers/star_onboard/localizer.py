@@ -7,7 +7,7 @@ from typing import Any, Final
 import numpy as np
 
 from star_core import Array, Estimate, Mask, Scene, Telemetry, Transform
-from star_core.toolkit import covered, frozen, shortlist
+from star_core.toolkit import SurfaceHeights, covered, frozen, shortlist, some
 
 # Of the systems, in the plane: see `star_sim.onboard.ERRORS` and docs/lighthouse.md.
 STD: Final = {"lighthouse": 0.014, "loco": 0.06, "poses": 0.005}  # m
@@ -21,7 +21,8 @@ class Onboard:
     A row is valid while its report is finite, no older than `max_report_age`, and its estimator
     reports standard deviations of at most `max_std`; so no agent takes off before its receiver
     works, and one that leaves the coverage is not located after some seconds. A row that is not
-    valid keeps its last position, at rest. Reports without variances are taken as they are.
+    valid keeps its last position, at rest. Reports without variances are taken as they are. Heights
+    are those of rangers, and corrected over obstacles of the map.
 
     Args:
         scene: Agents.
@@ -46,19 +47,31 @@ class Onboard:
         planar = (STD[system] if std is None else std) ** 2
         self._variance = np.diag([planar, planar, HEIGHT_STD**2])
         self._map_from_odom = Transform(np.zeros(n), np.zeros((n, 3)))
+        self._surfaces = SurfaceHeights(scene, only_mapped=True)
+        self._offset = np.zeros(n)  # m, added to heights
         self._position = np.array([agent.start for agent in scene.agents], float).reshape(n, 3)
         self._yaw = np.array([agent.yaw for agent in scene.agents], float)
+        self._covariance = np.tile(self._variance, (n, 1, 1))
         self._lost = np.zeros(n, np.bool_)
         self._messages: list[str] = []
 
     def locate(self, telemetry: Telemetry) -> Estimate:
-        position, velocity, yaw = telemetry.position, telemetry.velocity, telemetry.heading
+        below = self._surfaces.correct(telemetry, self._position, self._covariance)
+        if some(below.offset != self._offset):
+            self._offset = below.offset
+            translation = np.zeros_like(self._position)
+            translation[:, 2] = below.offset
+            self._map_from_odom = Transform(self._map_from_odom.yaw, translation)
+        position, velocity = below.telemetry.position, below.telemetry.velocity
+        yaw = telemetry.heading
         finite = np.isfinite(position.sum(axis=1) + velocity.sum(axis=1) + yaw)
         covariance = np.tile(self._variance, (len(yaw), 1, 1))
         converged = finite
         if (variance := telemetry.position_variance) is not None:
             converged = finite & (variance <= self._max_variance).all(axis=1)
             covariance[:, range(3), range(3)] += np.where(converged[:, None], variance, 0.0)
+        covariance[:, 2, 2] += below.variance
+        self._covariance = covariance
         self._position = np.where(converged[:, None], position, self._position)
         self._yaw = np.where(converged, yaw, self._yaw)
         self._note(telemetry, converged)
@@ -71,6 +84,7 @@ class Onboard:
             valid=frozen(converged & (telemetry.age <= self._max_report_age)),
             map_from_odom=self._map_from_odom,
             messages=self._reported(),
+            heights=below.heights,
         )
 
     def _note(self, telemetry: Telemetry, converged: Mask) -> None:

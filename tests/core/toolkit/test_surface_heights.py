@@ -37,13 +37,13 @@ class Flown(NamedTuple):
     messages: list[str]
 
 
-def flown(scene: Scene, surface: dict[float, float], *, ticks: int = 130) -> Flown:
+def flown(scene: Scene, surface: dict[float, float], *, only_mapped: bool = False) -> Flown:
     """Fly level along x over surfaces, by where each begins, with the firmware's filter gains."""
-    follower = SurfaceHeights(scene)
+    follower = SurfaceHeights(scene, only_mapped=only_mapped)
     z, vz, position = HEIGHT, 0.0, np.array([[0.0, 0.0, HEIGHT]])
     rows: list[tuple[float, ...]] = []
     messages: list[str] = []
-    for tick in range(ticks):
+    for tick in range(130):
         heights, climbs, times = [], [], []
         for cycle in range(5 * tick, 5 * tick + 5):
             along = SPEED * cycle * CYCLE
@@ -112,6 +112,11 @@ def test_a_surface_that_is_not_in_the_map_is_reported() -> None:
     assert np.abs(flight.height - HEIGHT).max() < 0.04
     assert flight.variance[0] == 0.0
     assert np.sqrt(flight.variance[-1]) > 0.03  # m: it is wary of where it is
+
+
+def test_estimators_that_know_the_map_are_over_its_surfaces_only() -> None:
+    flight = flown(with_table(x=(4.0, 5.0)), {1.0: 0.6}, only_mapped=True)
+    assert (flight.offset[-1], flight.messages) == (0.0, [])
 
 
 def test_the_edge_may_be_where_the_position_is_uncertain() -> None:
