@@ -8,7 +8,7 @@ FLIGHTS ?= 100
 
 .DEFAULT_GOAL := help
 unexport PYTHONDONTWRITEBYTECODE  # the tests start many processes
-.PHONY: help fly test check generated pictures looked-at docs air bench campaign faults link-cuts mocap onboard preflight imported guardian safe-defaults killed-studies mutants scenarios fuzz soak lowest clean
+.PHONY: help fly test check generated pictures looked-at docs air bench campaign around faults link-cuts mocap onboard preflight imported guardian safe-defaults killed-studies mutants scenarios fuzz soak lowest clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 12
@@ -70,6 +70,9 @@ campaign: $(VENV)/.ready  ## the studies of docs/results.md and the tests that t
 	for topic in covariance search relief coverage; do $(BIN)/python -m tests.campaign.$$topic; done
 	$(BIN)/python -m tests.campaign.cflib_examples
 	$(BIN)/python benchmarks/downwash.py
+
+around: $(VENV)/.ready  ## the table of around.yaml in docs/methods.md: contacts with obstacles, heights over them; long
+	$(BIN)/python -m tests.campaign.around
 
 mocap: $(VENV)/.ready  ## the tables of docs/mocap.md: flights by motion capture; long
 	$(BIN)/python -m tests.campaign.mocap
