@@ -2,7 +2,9 @@
 
 ``python benchmarks/heights.py`` flies one drone with a Flow deck over a table and back, once per
 seed, and prints for each height of the table and each clearance above it how many flights complete
-without a contact, the greatest height error and how far the drone sinks below its path at most.
+without a contact, the greatest height error, how far the drone sinks below its path at most, and by
+how much its error along the path changes from `BEFORE` an edge until `AFTER` it (RMS). ``--tops 0``
+flies without a table, as a comparison for the latter.
 """
 
 from __future__ import annotations
@@ -15,12 +17,11 @@ import numpy as np
 
 from star_core import Registry, Tick, fly, hookimpl, load
 
-WORLD = """\
-star: 1
-name: table
-fence: {{low: [-3, -3, 0], high: [3, 3, 3]}}
-obstacles: {{table: {{box: {{centre: [0, 0], size: [{width}, 2]}}, height: [0, {top}]}}}}
-"""
+WORLD = "star: 1\nname: table\nfence: {low: [-3, -3, 0], high: [3, 3, 3]}\n"
+TABLE = (
+    "obstacles: {{table: {{box: {{centre: [0, 0], size: [{width}, 2]}}, height: [0, {top}]}}}}\n"
+)
+BEFORE, AFTER = 3, 10  # ticks: 0.15 and 0.5 s
 MISSION = """\
 star: 1
 name: over
@@ -40,16 +41,16 @@ mission:
 
 
 class Heights:
-    """Notes the true and the estimated height of the drone in every tick."""
+    """Notes the true and the estimated x and z of the drone in every tick, m."""
 
     def __init__(self) -> None:
-        self.rows: list[tuple[float, float, float]] = []
+        self.rows: list[tuple[float, ...]] = []
 
     @hookimpl
     def star_ticked(self, tick: Tick) -> None:
         if tick.truth is not None:
-            x, _, z = tick.truth.position[0].tolist()
-            self.rows.append((x, z, float(tick.estimate.position[0, 2])))
+            poses = tick.truth.position[0, [0, 2]], tick.estimate.position[0, [0, 2]]
+            self.rows.append((*poses[0].tolist(), *poses[1].tolist()))
 
 
 def main() -> None:
@@ -60,7 +61,7 @@ def main() -> None:
     options.add_argument("--clearances", type=float, nargs="+", default=[0.2, 0.3, 0.4, 0.5])
     options.add_argument("--widths", type=float, nargs="+", default=[0.1, 1.0])
     line = options.parse_args()
-    print("top  width  clearance  completed without a contact  height error  sinks by")
+    print("top  width  clearance  completed without a contact  height error  sinks by  edge")
     for top in line.tops:
         for width in line.widths:
             for clearance in line.clearances:
@@ -70,20 +71,28 @@ def main() -> None:
 def _case(top: float, width: float, clearance: float, seeds: int) -> str:
     height = top + clearance
     good, error, sunk = 0, 0.0, 0.0
+    changes: list[float] = []
     with TemporaryDirectory() as name:
         folder = Path(name)
-        (folder / "table.yaml").write_text(WORLD.format(top=top, width=width))
+        table = TABLE.format(top=top, width=width) if top else ""
+        (folder / "table.yaml").write_text(WORLD + table)
         (folder / "over.yaml").write_text(MISSION.format(height=height))
         for seed in range(1000, 1000 + seeds):
             notes = Heights()
             registry = Registry(notes)
             summary = fly(load(folder / "over.yaml", registry, [f"seed={seed}"]), registry)
             good += summary["outcome"] == "completed"
-            x, z, estimated = np.array(notes.rows).T
+            x, z, estimated_x, estimated_z = np.array(notes.rows).T
             over = np.abs(x) < width / 2 + 0.4  # where the crossings are
-            error = max(error, float(np.abs(estimated - z)[over].max(initial=0.0)))
+            error = max(error, float(np.abs(estimated_z - z)[over].max(initial=0.0)))
             sunk = max(sunk, float((height - z)[over].max(initial=0.0)))
-    return f"{top:.1f}  {width:.1f}  {clearance:.1f}  {good} of {seeds}  {error:.2f}  {sunk:.2f}"
+            edges = np.flatnonzero(np.diff(np.abs(x) < width / 2))
+            edges = edges[edges < len(x) - AFTER]
+            drift = estimated_x - x
+            changes += (drift[edges + AFTER] - drift[edges - BEFORE]).tolist()
+    edge = float(np.sqrt(np.mean(np.square(changes)))) if changes else np.nan
+    figures = f"{error:.2f}  {sunk:.2f}  {edge:.3f}"
+    return f"{top:.1f}  {width:.1f}  {clearance:.1f}  {good} of {seeds}  {figures}"
 
 
 if __name__ == "__main__":
