@@ -15,7 +15,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from star_core import Registry, Tick, fly, hookimpl, load
+from star_core import AgentPhase, Registry, Tick, fly, hookimpl, load
 
 WORLD = "star: 1\nname: table\nfence: {low: [-3, -3, 0], high: [3, 3, 3]}\n"
 TABLE = (
@@ -41,14 +41,14 @@ mission:
 
 
 class Heights:
-    """Notes the true and the estimated x and z of the drone in every tick, m."""
+    """Notes the true and the estimated x and z of the drone in flight, tick by tick, m."""
 
     def __init__(self) -> None:
         self.rows: list[tuple[float, ...]] = []
 
     @hookimpl
     def star_ticked(self, tick: Tick) -> None:
-        if tick.truth is not None:
+        if tick.truth is not None and tick.health.phase[0] == AgentPhase.FLYING:
             poses = tick.truth.position[0, [0, 2]], tick.estimate.position[0, [0, 2]]
             self.rows.append((*poses[0].tolist(), *poses[1].tolist()))
 
