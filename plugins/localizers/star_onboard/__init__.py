@@ -73,7 +73,7 @@ def star_localizers() -> Iterable[LocalizerSpec]:
         check=check,
         corrects_heights=True,
         edge_clearance=0.5,  # benchmarks/heights.py
-        drift=deferred("star_onboard.localizer:expected_std"),
-        covered=deferred("star_onboard.localizer:is_covered"),
+        drift=deferred("star_onboard.systems:expected_std"),
+        covered=deferred("star_onboard.systems:is_covered"),
         reports_in_map=True,
     )

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
-from star_core import Array, Estimate, Mask, Scene, Telemetry, Transform
-from star_core.toolkit import SurfaceHeights, covered, frozen, shortlist, some
+from star_core import Estimate, Mask, Scene, Telemetry, Transform
+from star_core.toolkit import SurfaceHeights, frozen, shortlist, some
+from star_onboard.systems import STD
 
-# Of the systems, in the plane: see `star_sim.onboard.ERRORS` and docs/lighthouse.md.
-STD: Final = {"lighthouse": 0.014, "loco": 0.06, "poses": 0.005}  # m
 HEIGHT_STD: Final = 0.01  # m, of the ranger of a Flow deck beside the receiver
 FIRST_TIME: Final = 1.0  # s of the mission, in which estimators converge
 
@@ -100,24 +99,3 @@ class Onboard:
     def _reported(self) -> tuple[str, ...]:
         messages, self._messages = tuple(self._messages), []
         return messages
-
-
-def expected_std(
-    _scene: Scene,
-    _time: Array,
-    position: Array,
-    _yaw: Array,
-    *,
-    system: str,
-    std: float | None = None,
-    **_options: Any,
-) -> Array:
-    """Return the standard deviation in the plane along paths: (T, N) m, that of the system."""
-    return np.full(position.shape[:2], STD[system] if std is None else std)
-
-
-def is_covered(scene: Scene, position: Array, *, system: str, **_options: Any) -> Mask:
-    """Return where the system is received, out of positions (T, 3), m: (T,)."""
-    if system == "poses":
-        return np.ones(len(position), np.bool_)
-    return covered(scene.world, system, position)

@@ -15,7 +15,8 @@ from star_core.formats import check_file, code_of
 from star_core.testing import scene
 from star_core.toolkit import SYSTEMS, Beacon, covered, fill_defaults, nearest_surface, received
 from star_onboard import OPTIONS, check
-from star_onboard.localizer import STD, Onboard, expected_std, is_covered
+from star_onboard.localizer import Onboard
+from star_onboard.systems import STD, expected_std, is_covered
 from star_sim.fusion import Fusion
 from star_sim.onboard import ERRORS
 from star_sim.onboard import Onboard as Receivers
