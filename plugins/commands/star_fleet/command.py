@@ -86,24 +86,31 @@ def run(options: argparse.Namespace, registry: Registry) -> int:
             opened.callback(capture.close)
             fleet.capture(capture.serve)
             sys.stdout.write(f"motion capture: natnet at {host}, command_port {capture.port}\n")
-        listing = sys.stderr if options.script else sys.stdout
-        for row, (agent, uri) in enumerate(zip(agents, fleet.addresses, strict=True)):
-            listing.write("  ".join([agent.name, uri, *more.get(row, ())]) + "\n")
-        listing.flush()
-        status = _served(fleet, scene, options)
+        lines = [
+            "  ".join([agent.name, uri, *more.get(row, ())]) + "\n"
+            for row, (agent, uri) in enumerate(zip(agents, fleet.addresses, strict=True))
+        ]
+        status = _served(fleet, scene, options, "".join(lines))
     if fleet.slipped:
         sys.stderr.write(f"star: fleet: the clock was stopped for {fleet.slipped:.1f} s in all\n")
     return status
 
 
-def _served(fleet: Fleet, scene: Scene, options: argparse.Namespace) -> int:
-    """Serve until interrupted, or until the script ends; return its exit status, or 0."""
+def _served(fleet: Fleet, scene: Scene, options: argparse.Namespace, listing: str) -> int:
+    """Print the addresses, and serve until interrupted, or until the script ends.
+
+    Returns:
+        The exit status of the script, or 0.
+    """
     if not options.script:
         with _until_interrupted(fleet):
+            sys.stdout.write(listing)
+            sys.stdout.flush()
             fleet.serve(options.duration)
         return 0
     from star_fleet.client_script import client
 
+    sys.stderr.write(listing)
     with client(options.script, fleet, scene) as exit_status:
         fleet.serve(options.duration)
         return exit_status()
