@@ -45,7 +45,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         try:
             return _main(list(arguments))
         finally:
-            sys.stdout.flush()  # raises BrokenPipeError here if the reader has exited
+            _flush()  # raises BrokenPipeError here if the reader has exited
     except StarError as error:
         _report(str(error))
         return BAD_INPUT
@@ -140,6 +140,22 @@ def _report(text: str) -> None:
         print(printable(text), file=sys.stderr)
     except OSError:
         _discard(sys.stderr)
+
+
+def _flush() -> None:
+    """Write the rest of the output, or discard it if it cannot be written.
+
+    Raises:
+        StarError: It cannot be written.
+    """
+    from star_core.toolkit.printable_output import written
+
+    try:
+        with written():
+            sys.stdout.flush()
+    except StarError:
+        _discard(sys.stdout)
+        raise
 
 
 def _open_streams() -> None:

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from typing import TYPE_CHECKING, Any, cast
 
-from star_core.errors import printable
+from star_core.errors import StarError, printable
 
 if TYPE_CHECKING:
     from typing import TextIO
@@ -24,8 +24,13 @@ class PrintableStream:
         self.stream = stream
 
     def write(self, text: str) -> int:
-        """Write a text; return its length."""
-        self.stream.write(printable(text))
+        """Write a text; return its length.
+
+        Raises:
+            StarError: It cannot be written: the disk is full, for example.
+        """
+        with written():
+            self.stream.write(printable(text))
         return len(text)
 
     def writelines(self, lines: Iterable[str]) -> None:
@@ -35,6 +40,21 @@ class PrintableStream:
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.stream, name)
+
+
+@contextmanager
+def written() -> Iterator[None]:
+    """Report an `OSError` of a stream, but for a closed pipe, as output that cannot be written.
+
+    Raises:
+        StarError: With the reason.
+    """
+    try:
+        yield
+    except BrokenPipeError:  # what reads it has exited
+        raise
+    except OSError as error:
+        raise StarError(f"output cannot be written: {error.strerror}", "unwritable-file") from error
 
 
 @contextmanager

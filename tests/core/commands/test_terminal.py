@@ -33,6 +33,20 @@ def test_closed_streams_give_no_traceback(hop: Path, redirection: str, status: i
     assert (hop / "run/summary.json").exists()
 
 
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="of Linux")
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_output_on_a_full_disk_is_an_error(hop: Path, unbuffered: str) -> None:
+    command = f"'{STAR}' check hop.yaml >/dev/full"
+    environment = {**os.environ, "PYTHONUNBUFFERED": unbuffered}
+    done = subprocess.run(
+        ["bash", "-c", command], stderr=subprocess.PIPE, check=False, cwd=hop, env=environment
+    )
+    assert done.stderr.endswith(
+        b"output cannot be written: No space left on device [unwritable-file]\n"
+    )
+    assert done.returncode == 2
+
+
 def test_errors_are_printed_without_stderr(hop: Path) -> None:
     command = f"'{STAR}' check missing.yaml 2>&-"
     done = subprocess.run(["bash", "-c", command], capture_output=True, check=False, cwd=hop)
