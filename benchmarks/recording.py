@@ -23,6 +23,8 @@ from typing import Any
 from star_core import Registry, fly, hookimpl, load
 
 AGENTS = 10
+RADIUS = 2.5  # m, of the circle that they change sides on
+TRANSPORT = "{use: sim, speed: 1}"
 GOAL = 10.0  # % of a core
 ROUNDS = 3
 
@@ -30,7 +32,7 @@ HEAD = """\
 star: 1
 name: ten
 world: room.yaml
-transport: {use: sim, speed: 1}
+transport: {transport}
 localizer: flow
 planner: straight
 avoider: orca
@@ -76,11 +78,11 @@ def write(folder: Path) -> Path:
     (folder / "room.yaml").write_text(
         "star: 1\nname: room\nfence: {low: [-4, -4, 0], high: [4, 4, 2.5]}\n"
     )
-    lines = [HEAD]
+    lines = [HEAD.format(transport=TRANSPORT)]
     turns = []
     for i in range(AGENTS):
         angle = 2 * math.pi * i / AGENTS
-        x, y = 2.5 * math.cos(angle), 2.5 * math.sin(angle)
+        x, y = RADIUS * math.cos(angle), RADIUS * math.sin(angle)
         lines.append(f"  cf{i + 1}: {{start: [{x:.3f}, {y:.3f}, 0]}}\n")
         turns.append(f"            - goto: {{agents: cf{i + 1}, to: [{-x:.3f}, {-y:.3f}, 0.8]}}\n")
         turns.append(f"            - goto: {{agents: cf{i + 1}, to: [{x:.3f}, {y:.3f}, 0.8]}}\n")

@@ -39,6 +39,7 @@ FIRST_FLIGHT = ROOT / "missions" / "first_flight.yaml"
 GOAL_OVERRUN = 5.0  # ms, 99th percentile
 GOAL_PICTURE = 3.0  # s
 AGENTS = 10
+RADIUS = 2.5  # m, of the circle that they change sides on
 PATIENCE = 60.0  # s
 HUES = (101, 11, 82)  # of 180: blue, orange and green, those of the drones
 SCENE = 880  # px, width of the page less its panel
@@ -83,7 +84,7 @@ def write(folder: Path) -> Path:
         "star: 1\nname: room\nfence: {low: [-4, -4, 0], high: [4, 4, 2.5]}\n"
     )
     angle = 2 * np.pi * np.arange(AGENTS) / AGENTS
-    x, y = 2.5 * np.cos(angle), 2.5 * np.sin(angle)
+    x, y = RADIUS * np.cos(angle), RADIUS * np.sin(angle)
     swarm = [f"  cf{i + 1}: {{start: [{x[i]:.3f}, {y[i]:.3f}, 0]}}\n" for i in range(AGENTS)]
     goto = [
         f"      - goto: {{agents: cf{i + 1}, to: [{-x[i]:.3f}, {-y[i]:.3f}, 0.8]}}\n"
