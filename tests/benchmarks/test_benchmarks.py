@@ -70,6 +70,11 @@ SCRIPTS = {
     ),
     "camera": Small(sizes={"ROUNDS": 1, "TIMES": 1, "LOOKS": 30}),
     "tests.campaign.around": Small("--flights 1", campaign="8 s", prints="| 1 | 1 | 1 |"),
+    "tests.campaign.cflib_examples": Small(
+        "",
+        {"FOLDER": "NO_CFLIB_EXAMPLES"},  # which are not part of the project
+        prints="left out",
+    ),
     "tests.campaign.covariance": Small(
         "--json --seeds 1", {"PATHS": ("paper_box",)}, campaign="15 s"
     ),
