@@ -17,22 +17,10 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
 
+from tests.plugins.commands.star_ablate.conftest import MISSION, WORLD
+
 ABLATE: Final = (sys.executable, str(Path(sys.executable).with_name("star")), "ablate")
 POLL_INTERVAL: Final = 0.05  # s
-WORLD = "star: 1\nname: room\nfence: {low: [-2, -2, 0], high: [2, 2, 2]}\n"
-MISSION = """\
-star: 1
-name: hop
-world: room.yaml
-swarm: {cf1: {start: [0, 0, 0]}}
-transport: sim
-localizer: flow
-planner: straight
-avoider: none
-mission:
-  - takeoff: {height: 0.3}
-  - land: {}
-"""
 STUDY = """\
 star: 1
 name: killed
