@@ -26,8 +26,8 @@ PATIENCE: Final = 10.0  # s, that a script has to end after SIGTERM
 def launched(command: Sequence[str]) -> list[str]:
     """Return the command line that runs ``python [options] SCRIPT.py [arguments]`` with cflib.
 
-    >>> launched(["python", "-u", "hover.py", "--fast"])
-    ['python', '-u', '-m', 'star_radio.cflib_script', 'hover.py', '--fast']
+    >>> launched(["python", "-u", __file__, "--fast"])[1:4]
+    ['-u', '-m', 'star_radio.cflib_script']
 
     Raises:
         InputError: It is another command, or there is no such script.
