@@ -19,6 +19,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
+from unittest.mock import patch
 
 from star_core import Registry, fly, hookimpl, load
 
@@ -93,8 +94,9 @@ def write(folder: Path) -> Path:
 
 def cost(mission: Path, folder: Path | None) -> dict[str, float]:
     """Fly, and return processor times as percentages of the flight's time."""
-    os.environ["STAR_BLOCK_PLUGINS"] = "" if folder else "record,mcap"
-    registry = Registry(clock := Clock())
+    blocked = "" if folder else "record,mcap"
+    with patch.dict(os.environ, {"STAR_BLOCK_PLUGINS": blocked}):
+        registry = Registry(clock := Clock())
     summary = fly(load(mission, registry), registry, folder=folder)
     here, others = clock.used
     share = 100 / summary["flight_time_s"]

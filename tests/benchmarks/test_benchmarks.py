@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import gc
 import importlib
+import os
 import shlex
 import sys
 from collections.abc import Callable, Mapping, Sequence
@@ -261,9 +262,16 @@ def test_a_script_runs_in_a_small_size(
     flights = record_flight(tmp_path / "flights") if "{flights}" in small.arguments else ""
     words = [word.format(tmp=tmp_path, flights=flights) for word in shlex.split(small.arguments)]
     monkeypatch.setattr(sys, "argv", [f"{name}.py", *words])
+    before = options()
     assert not exit_status(script.main)
+    assert options() == before  # the tests after it are in the same process
     gc.collect()
     assert small.prints in capsys.readouterr().out
+
+
+def options() -> dict[str, str]:
+    """Return the environment variables that STAR reads."""
+    return {name: value for name, value in os.environ.items() if name.startswith("STAR_")}
 
 
 def test_160_drones_that_know_their_positions_to_3_cm_do_not_jam(
