@@ -64,8 +64,9 @@ class Ranger:
             nearest = np.fmin.reduce(
                 [self._to_walls(positions, unit), *self._to_faces(positions, unit)]
             )
-        seen = nearest <= MAX_RANGE
-        return np.where(seen, np.floor(1000 * np.where(seen, nearest, 0.0) + 0.5), NO_ECHO)
+        in_range = nearest <= MAX_RANGE
+        rounded = np.floor(1000 * np.where(in_range, nearest, 0.0) + 0.5)
+        return np.where(in_range, rounded, NO_ECHO)
 
     def _to_walls(self, positions: Array, unit: Array) -> Array:
         """Return the distances to the upright faces: (R,) m, inf where a ray meets none."""

@@ -27,8 +27,8 @@ SLIP_X, SLIP_Y = 6, 7
 # Factor of velocities: its deviation from 1, its rotation, rad, and its deviation on this floor.
 SCALE, TURN, FLOOR = 8, 9, 10
 YAW_BIAS = 11  # subtracted from yaw rates, rad/s
-# Errors of the velocity over the lagged turn, m: by an accelerometer error that is constant in the
-# body, which the on-board estimator balances by its tilt, and has to anew as it turns.
+# Errors of the velocity over the lagged turn, m: an accelerometer bias is constant in the body. The
+# on-board estimator balances it by its tilt, and has to do so anew whenever the body turns.
 ARM_X, ARM_Y = 12, 13
 # Errors of the on-board velocity that last for minutes, to be subtracted, m/s, in the level body
 # frame: by the bias of the gyro, with which the on-board estimator has to keep up, and of the flow.

@@ -97,8 +97,8 @@ def _along(time: Array, position: Array, height: Array, yaw: Array, visible: Mas
         away = float(((position[k] - position[since]) ** 2).sum())
         grown = noise[k] - noise[since] + PER_LENGTH * (length[k] - length[since])
         grown += (DRIFT_STD * (time[k] - time[since])) ** 2
-        turned = 2 * (1 - np.cos(yaw[k] - yaw[since]))
-        std[k] = np.sqrt(base + grown + area * away + ARM_STD**2 * turned)
+        grown += ARM_STD**2 * 2 * (1 - np.cos(yaw[k] - yaw[since]))  # of a chord, squared
+        std[k] = np.sqrt(base + grown + area * away)
     return std
 
 

@@ -13,8 +13,8 @@ from star_core.toolkit import wrap_angle
 
 CAPACITY: Final = 1 << 13  # samples: 82 s at 100 Hz, well beyond the longest gap between fixes
 COLUMNS: Final = 12
-"""Time, velocity, yaw rate, roll, pitch, height, whether blind, whether at rest, and the lagged
-turn's velocity as real and imaginary parts."""
+"""Time, velocity, yaw rate, roll, pitch, height, whether blind, whether at rest, and velocity by
+`LaggedTurn` as real and imaginary parts."""
 
 TILT_SAMPLES: Final = 2  # before and after one, by which roll and pitch are differentiated
 
@@ -25,7 +25,7 @@ MAX_REST_RATE: Final = math.radians(3.0)  # rad/s, likewise
 # by the difference between the flow sensor and itself: what the firmware's filter settles at.
 VELOCITY_CORRECTION: Final = 2.84
 TILT_CORRECTION: Final = 2.94
-MAX_LAG_STEP: Final = 0.5  # s between two samples, after a longer time no lag is left
+MAX_LAG_STEP: Final = 0.5  # s between two samples; after a longer gap no lag is assumed
 
 
 class Motion(NamedTuple):
@@ -137,8 +137,8 @@ class OdometryTrack:
         lengths = np.abs(steps)
         toward = np.exp(1j * (after - turns / 2))
         turned = toward * steps
-        passed = np.cumsum(took)
-        biased = np.exp(1j * yaw_bias * (passed - took / 2))
+        middle = np.cumsum(took) - took / 2  # s, of each sample's motion
+        uncorrected = toward * np.exp(1j * yaw_bias * middle)  # headings by the rate as measured
         return Motion(
             shift=complex(turned.sum()),
             turn=float(after[-1]),
@@ -147,9 +147,9 @@ class OdometryTrack:
             blind_length=float(lengths @ blind),
             blind_duration=float(took @ blind),
             blind_shift=complex(turned @ blind),
-            moment=complex((passed - took / 2) @ turned),
+            moment=complex(middle @ turned),
             height=float(rows[-1, 7]),
-            swing=complex((toward * biased * (rows[:, 10] + 1j * rows[:, 11])) @ (took * blind)),
+            swing=complex((uncorrected * (rows[:, 10] + 1j * rows[:, 11])) @ (took * blind)),
         )
 
     def correct(self, begin: float, end: float, shift: complex, *, yaw_bias: float) -> None:
