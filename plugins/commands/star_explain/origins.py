@@ -48,7 +48,8 @@ class Origins:
     def anchored(self, action: Action) -> bool:
         """Return whether the agents of a step begin it at goals that the mission names.
 
-        Otherwise they begin it above where they took off, which is known less exactly.
+        Otherwise they begin it above where they took off, which is known less exactly. So is where
+        another agent is that the step's options name.
         """
         return self._begins[id(action)][1]
 
@@ -60,7 +61,9 @@ class Origins:
     def _note(self, step: RehearsedStep) -> None:
         """Note where the agents of a step begin it, and end it."""
         action, rows = step.action, set(step.rows)
-        begin = self._unsure.isdisjoint(rows), self._anchored.issuperset(rows)
+        beside_another = any(name in action.options.values() for name in self._scene.names)
+        anchored = self._anchored.issuperset(rows) and not beside_another
+        begin = self._unsure.isdisjoint(rows), anchored
         self._begins.setdefault(id(action), begin)
         spec, named = self._spec(action), self._has_named_goals(step)
         sure = step.duration is not None and action.until is None

@@ -50,12 +50,13 @@ def expected_std(
 ) -> Array:
     """Return the greatest standard deviation in the plane along paths: (T, N) m.
 
-    While a level drone has a landmark's tag in its image, it is `SEEN_STD`. Since then, the errors
-    of dead reckoning grow: white noise with the time and with the height, errors of the velocity
-    with the time, the floor's texture with the length of the path, and scale and heading, as
-    uncertain as before they are calibrated in flight, with the displacement and, of a displacement
-    that turns with the body, with the heading. Obstacles hide tags; floor odometry, which needs
-    texture, does not help.
+    While a level drone has a landmark's tag in its image, it is `SEEN_STD`; a drone that is less
+    certain sees it only if it does so also that far beside its path. Since then, the errors of dead
+    reckoning grow: white noise with the time and with the height, errors of the velocity with the
+    time, the floor's texture with the length of the path, and scale and heading, as uncertain as
+    before they are calibrated in flight, with the displacement and, of a displacement that turns
+    with the body, with the heading. Obstacles hide tags; floor odometry, which needs texture, does
+    not help.
 
     Args:
         scene: Agents with their cameras, and landmarks.
@@ -67,15 +68,15 @@ def expected_std(
     tags = scene.world.landmarks if max_tags_per_landmark else ()
     std = np.empty(yaw.shape)
     for row, agent in enumerate(scene.agents):
-        visible = np.zeros(len(time), np.bool_)
+        room = np.full(len(time), -np.inf)
         if agent.camera is not None:
-            visible = _sees(scene, agent.camera, tags, position[:, row], yaw[:, row])
+            room = _room(scene, agent.camera, tags, position[:, row], yaw[:, row])
         height = position[:, row, 2] - agent.start[2]
-        std[:, row] = _along(time, position[:, row, :2], height, yaw[:, row], visible)
+        std[:, row] = _along(time, position[:, row, :2], height, yaw[:, row], room)
     return std
 
 
-def _along(time: Array, position: Array, height: Array, yaw: Array, visible: Mask) -> Array:
+def _along(time: Array, position: Array, height: Array, yaw: Array, room: Array) -> Array:
     """Return the standard deviation along a path, by where tags are seen: (T,) m.
 
     Args:
@@ -83,7 +84,7 @@ def _along(time: Array, position: Array, height: Array, yaw: Array, visible: Mas
         position: (T, 2) positions, m.
         height: (T,) m.
         yaw: (T,) rad.
-        visible: (T,) whether a tag is in the image.
+        room: (T,) how far beside the path a tag is in the image too, m; negative if none is on it.
     """
     step = np.hypot(*np.diff(position, axis=0, prepend=position[:1]).T)
     std = np.empty(len(time))
@@ -92,7 +93,8 @@ def _along(time: Array, position: Array, height: Array, yaw: Array, visible: Mas
     noise = PER_TIME + PER_HEIGHT * np.maximum(height, LEAST_HEIGHT) ** 2
     noise = np.cumsum(noise * np.diff(time, prepend=time[0]))
     for k in range(len(time)):
-        if visible[k]:
+        off = max(0.0, std[k - 1] - SEEN_STD) if k else 0.0  # the error while it is seen is small
+        if room[k] >= off:
             base, since, area = SEEN_STD**2, k, PER_AREA
         away = float(((position[k] - position[since]) ** 2).sum())
         grown = noise[k] - noise[since] + PER_LENGTH * (length[k] - length[since])
@@ -102,18 +104,20 @@ def _along(time: Array, position: Array, height: Array, yaw: Array, visible: Mas
     return std
 
 
-def _sees(scene: Scene, camera: Camera, tags: tuple[Tag, ...], position: Array, yaw: Array) -> Mask:
-    """Return at which of (T, 3) positions, with (T,) headings, a tag is detected: (T,).
+def _room(
+    scene: Scene, camera: Camera, tags: tuple[Tag, ...], position: Array, yaw: Array
+) -> Array:
+    """Return how far beside (T, 3) positions, with (T,) headings, a tag is detected too: (T,) m.
 
-    In images, where tags are expected, they are found at slants at which a detector on board, which
-    expects none, does not read them.
+    That is negative where none is. In images, where tags are expected, they are found at slants at
+    which a detector on board, which expects none, does not read them.
     """
     model = CameraModel(camera)
     mount = model.mounting
-    visible = np.zeros(len(position), np.bool_)
+    room = np.full(len(position), -np.inf)
     if not tags:
-        return visible
-    times, eyes, ends = [], [], []  # of the lines of sight
+        return room
+    times, eyes, ends, aside = [], [], [], []  # of the lines of sight
     rotations = np.array([rotation_from_quaternion(tag.rotation) for tag in tags])
     centers = np.array([tag.position for tag in tags])
     corners = np.array([square_corners(tag.size) for tag in tags])  # (K, 4, 3)
@@ -132,10 +136,25 @@ def _sees(scene: Scene, camera: Camera, tags: tuple[Tag, ...], position: Array, 
         times += [k] * len(detected)
         eyes += [eye] * len(detected)
         ends += [*detected]
+        aside += [*_rooms(camera, pixels[readable], points[whole[readable], :, 2])]
     if times:
         clear = _clear(scene.world.obstacles, np.array(eyes), np.array(ends))
-        visible[np.array(times)[clear]] = True
-    return visible
+        np.maximum.at(room, np.array(times)[clear], np.array(aside)[clear])
+    return room
+
+
+def _rooms(camera: Camera, pixels: Array, depths: Array) -> Array:
+    """Return by how much the camera can move until a tag leaves the image: (K,) m.
+
+    Args:
+        camera: The camera.
+        pixels: (K, 4, 2) corners of tags, px.
+        depths: (K, 4) distances of these along the optical axis, m.
+    """
+    last = np.array([camera.width - 1, camera.height - 1])
+    inside = np.minimum(pixels, last - pixels).min(axis=(1, 2)) - BORDER
+    rooms: Array = inside * depths.min(axis=1, initial=np.inf) / max(camera.matrix[:2])
+    return rooms
 
 
 def _sizes(pixels: Array) -> tuple[Array, Array]:

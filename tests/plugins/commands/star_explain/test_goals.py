@@ -55,6 +55,13 @@ def test_an_offset_from_a_named_goal_is_exact(tmp_path: Path) -> None:
     assert warnings(tmp_path, named, "goto: {agents: cf1, by: [0.95, 0, 0]}") == []
 
 
+def test_an_offset_from_another_agent_is_not_exact(tmp_path: Path) -> None:
+    named = "goto: {agents: cf1, to: [0.5, 1, 0.8]}", "goto: {agents: cf2, to: [1, -1, 0.8]}"
+    beside = "goto: {agents: cf1, relative_to: cf2, by: [%g, 2, 0], moving: true}"
+    assert warnings(tmp_path, *named, beside % 0.85) == []
+    assert warnings(tmp_path, *named, beside % 0.95) == ["15 unreachable-goal"]
+
+
 def test_an_offset_from_an_uncertain_position_is_warned_of(tmp_path: Path) -> None:
     ended = "goto: {agents: cf1, to: [1, 1, 0.8], until: {elapsed: 1}}"
     offset = "goto: {agents: cf1, by: [0, -3.5, 0]}"

@@ -98,6 +98,14 @@ def test_errors_grow_between_landmarks_and_vanish_at_the_next() -> None:
     assert 0.1 < found.max() < 0.3
 
 
+def test_an_uncertain_drone_may_pass_a_tag_without_seeing_it() -> None:
+    near, far = np.zeros(20), np.full(40, -4.0)  # far from the tag, it sees none
+    edge = room((0.8, 0.8))  # in the image, near its border
+    assert std(edge, near)[-1] == pytest.approx(SEEN_STD)
+    assert std(edge, np.append(far, near))[-1] > 0.2
+    assert std(room((0.8, 0.0)), np.append(far, near))[-1] == pytest.approx(SEEN_STD)
+
+
 @pytest.mark.parametrize(("height", "rms"), [(0.5, 0.234), (0.75, 0.272), (1.3, 0.373)])
 def test_blind_hovers_drift_as_in_the_default_world(height: float, rms: float) -> None:
     still = std(room(), np.zeros(61), height=height)
