@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import Final
 
 import numpy as np
@@ -25,6 +27,9 @@ from star_core import Array, Camera, Mask, Obstacle, Scene, Tag
 from star_core.toolkit import CameraModel, rotation_from_quaternion, square_corners
 
 SEEN_STD: Final = 0.03  # m, while a tag is in view
+GROUND: Final = 0.05  # m, up to which an agent stands, where its position does not drift
+SURE_STD: Final = 0.2  # m, up to which an agent sees the tags that are seen from its path
+BESIDE: Final = np.array([(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0)], np.float64)
 MIN_EDGE: Final = 13.0  # px, longest side of a tag that is still found in an image
 MIN_WIDTH: Final = 13.2  # px across the longest side: eight modules, for detectors without priors
 BORDER: Final = 8.0
@@ -51,12 +56,12 @@ def expected_std(
     """Return the greatest standard deviation in the plane along paths: (T, N) m.
 
     While a level drone has a landmark's tag in its image, it is `SEEN_STD`; a drone that is less
-    certain sees it only if it does so also that far beside its path. Since then, the errors of dead
-    reckoning grow: white noise with the time and with the height, errors of the velocity with the
-    time, the floor's texture with the length of the path, and scale and heading, as uncertain as
-    before they are calibrated in flight, with the displacement and, of a displacement that turns
-    with the body, with the heading. Obstacles hide tags; floor odometry, which needs texture, does
-    not help.
+    certain sees one again only if it does so also that far beside its path. Since then, the errors
+    of dead reckoning grow: white noise with the time and with the height, errors of the velocity
+    with the time, the floor's texture with the length of the path, and scale and heading, as
+    uncertain as before they are calibrated in flight, with the displacement and, of a displacement
+    that turns with the body, with the heading. Obstacles hide tags; floor odometry, which needs
+    texture, does not help.
 
     Args:
         scene: Agents with their cameras, and landmarks.
@@ -68,56 +73,65 @@ def expected_std(
     tags = scene.world.landmarks if max_tags_per_landmark else ()
     std = np.empty(yaw.shape)
     for row, agent in enumerate(scene.agents):
-        room = np.full(len(time), -np.inf)
-        if agent.camera is not None:
-            room = _room(scene, agent.camera, tags, position[:, row], yaw[:, row])
+        sees = partial(_sees, scene, agent.camera, tags)
         height = position[:, row, 2] - agent.start[2]
-        std[:, row] = _along(time, position[:, row, :2], height, yaw[:, row], room)
+        std[:, row] = _along(time, position[:, row], height, yaw[:, row], sees)
     return std
 
 
-def _along(time: Array, position: Array, height: Array, yaw: Array, room: Array) -> Array:
+def _along(
+    time: Array, position: Array, height: Array, yaw: Array, sees: Callable[[Array, Array], Mask]
+) -> Array:
     """Return the standard deviation along a path, by where tags are seen: (T,) m.
 
     Args:
         time: (T,) s.
-        position: (T, 2) positions, m.
-        height: (T,) m.
+        position: (T, 3) positions, m.
+        height: (T,) above the floor, m.
         yaw: (T,) rad.
-        room: (T,) how far beside the path a tag is in the image too, m; negative if none is on it.
+        sees: Returns at which of (K, 3) positions, with (K,) headings, a tag is detected: (K,).
     """
-    step = np.hypot(*np.diff(position, axis=0, prepend=position[:1]).T)
+    visible, flat = sees(position, yaw), position[:, :2]
+    step = np.hypot(*np.diff(flat, axis=0, prepend=flat[:1]).T)
     std = np.empty(len(time))
     base, since, area = START_STD**2, 0, PER_AREA + START_YAW_STD**2
     length = np.cumsum(step)
-    noise = PER_TIME + PER_HEIGHT * np.maximum(height, LEAST_HEIGHT) ** 2
-    noise = np.cumsum(noise * np.diff(time, prepend=time[0]))
+    took = np.where(height > GROUND, np.diff(time, prepend=time[0]), 0.0)  # s, in the air
+    noise = np.cumsum((PER_TIME + PER_HEIGHT * np.maximum(height, LEAST_HEIGHT) ** 2) * took)
+    flown = np.cumsum(took)
+    seen = np.zeros(len(BESIDE), np.bool_)  # since the position became uncertain
     for k in range(len(time)):
-        off = max(0.0, std[k - 1] - SEEN_STD) if k else 0.0  # the error while it is seen is small
-        if room[k] >= off:
+        before = std[k - 1] if k else 0.0
+        if before <= SURE_STD:
+            seen[:] = visible[k]
+        elif step[k] > 0.0 or not k:
+            rows = np.flatnonzero(~seen)
+            seen[rows] = sees(position[k] + before * BESIDE[rows], np.full(len(rows), yaw[k]))
+        if seen.all():
             base, since, area = SEEN_STD**2, k, PER_AREA
-        away = float(((position[k] - position[since]) ** 2).sum())
+            seen[:] = False
+        away = float(((flat[k] - flat[since]) ** 2).sum())
         grown = noise[k] - noise[since] + PER_LENGTH * (length[k] - length[since])
-        grown += (DRIFT_STD * (time[k] - time[since])) ** 2
+        grown += (DRIFT_STD * (flown[k] - flown[since])) ** 2
         grown += ARM_STD**2 * 2 * (1 - np.cos(yaw[k] - yaw[since]))  # of a chord, squared
         std[k] = np.sqrt(base + grown + area * away)
     return std
 
 
-def _room(
-    scene: Scene, camera: Camera, tags: tuple[Tag, ...], position: Array, yaw: Array
-) -> Array:
-    """Return how far beside (T, 3) positions, with (T,) headings, a tag is detected too: (T,) m.
+def _sees(
+    scene: Scene, camera: Camera | None, tags: tuple[Tag, ...], position: Array, yaw: Array
+) -> Mask:
+    """Return at which of (T, 3) positions, with (T,) headings, a tag is detected: (T,).
 
-    That is negative where none is. In images, where tags are expected, they are found at slants at
-    which a detector on board, which expects none, does not read them.
+    In images, where tags are expected, they are found at slants at which a detector on board, which
+    expects none, does not read them.
     """
+    visible = np.zeros(len(position), np.bool_)
+    if camera is None or not tags:
+        return visible
     model = CameraModel(camera)
     mount = model.mounting
-    room = np.full(len(position), -np.inf)
-    if not tags:
-        return room
-    times, eyes, ends, aside = [], [], [], []  # of the lines of sight
+    times, eyes, ends = [], [], []  # of the lines of sight
     rotations = np.array([rotation_from_quaternion(tag.rotation) for tag in tags])
     centers = np.array([tag.position for tag in tags])
     corners = np.array([square_corners(tag.size) for tag in tags])  # (K, 4, 3)
@@ -136,25 +150,10 @@ def _room(
         times += [k] * len(detected)
         eyes += [eye] * len(detected)
         ends += [*detected]
-        aside += [*_rooms(camera, pixels[readable], points[whole[readable], :, 2])]
     if times:
         clear = _clear(scene.world.obstacles, np.array(eyes), np.array(ends))
-        np.maximum.at(room, np.array(times)[clear], np.array(aside)[clear])
-    return room
-
-
-def _rooms(camera: Camera, pixels: Array, depths: Array) -> Array:
-    """Return by how much the camera can move until a tag leaves the image: (K,) m.
-
-    Args:
-        camera: The camera.
-        pixels: (K, 4, 2) corners of tags, px.
-        depths: (K, 4) distances of these along the optical axis, m.
-    """
-    last = np.array([camera.width - 1, camera.height - 1])
-    inside = np.minimum(pixels, last - pixels).min(axis=(1, 2)) - BORDER
-    rooms: Array = inside * depths.min(axis=1, initial=np.inf) / max(camera.matrix[:2])
-    return rooms
+        visible[np.array(times)[clear]] = True
+    return visible
 
 
 def _sizes(pixels: Array) -> tuple[Array, Array]:

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from star_apriltag.dead_reckoning import START_STD
 from star_apriltag.expected_std import SEEN_STD, expected_std
 from star_core import Array, Camera, Obstacle, Scene, Tag
 from star_core.testing import scene
@@ -104,6 +105,10 @@ def test_an_uncertain_drone_may_pass_a_tag_without_seeing_it() -> None:
     assert std(edge, near)[-1] == pytest.approx(SEEN_STD)
     assert std(edge, np.append(far, near))[-1] > 0.2
     assert std(room((0.8, 0.0)), np.append(far, near))[-1] == pytest.approx(SEEN_STD)
+
+
+def test_a_drone_that_stands_does_not_drift() -> None:
+    assert std(room(), np.zeros(60), height=0.0)[[0, -1]] == pytest.approx(START_STD)
 
 
 @pytest.mark.parametrize(("height", "rms"), [(0.5, 0.234), (0.75, 0.272), (1.3, 0.373)])
