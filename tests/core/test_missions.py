@@ -47,7 +47,7 @@ UNREHEARSED = {
     "search",  # ends 15 s later if a fast camera misses a target in passing
 }
 WARNINGS = {  # with tags detected on board, which a search may not see for some time
-    "relief": {"drift-exceeds-clearance", "drift-exceeds-separation"}
+    "relief": {"drift-exceeds-clearance"}
 }
 
 
