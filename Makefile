@@ -68,7 +68,7 @@ campaign: $(VENV)/.ready  ## the studies of docs/results.md and the tests that t
 	$(BIN)/python -m pytest -q -m campaign
 	for study in drift paper-table-1 localisation; do $(BIN)/star ablate missions/studies/$$study.yaml; done
 	for topic in covariance search relief coverage; do $(BIN)/python -m tests.campaign.$$topic; done
-	$(BIN)/python -m tests.campaign.cflib_examples
+	for project in cflib crazyswarm2; do $(BIN)/python -m tests.campaign.$${project}_examples; done
 	$(BIN)/python benchmarks/downwash.py
 
 around: $(VENV)/.ready  ## the table of around.yaml in docs/methods.md: contacts with obstacles, heights over them; long

@@ -76,6 +76,11 @@ SCRIPTS = {
         {"FOLDER": "NO_CFLIB_EXAMPLES"},  # which are not part of the project
         prints="left out",
     ),
+    "tests.campaign.crazyswarm2_examples": Small(
+        "",
+        {"FOLDER": "NO_CRAZYSWARM2_EXAMPLES"},
+        prints="left out",
+    ),
     "tests.campaign.covariance": Small(
         "--json --seeds 1", {"PATHS": ("paper_box",)}, campaign="15 s"
     ),
@@ -183,6 +188,7 @@ PARTS = {
     "flight_models",
     "recorded_flights",
     "small_tags",
+    "tests.campaign.example_scripts",
     "tests.campaign.fault_cells",
     "tests.campaign.fault_flight",
     "tests.campaign.mocap_fleet",

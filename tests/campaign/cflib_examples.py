@@ -11,27 +11,15 @@ a failure.
 
 from __future__ import annotations
 
-import argparse
-import os
 import re
-import shutil
-import signal
-import subprocess
 import sys
-import tempfile
-import time
-from collections import Counter
-from collections.abc import Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
+from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
+
+from tests.campaign.example_scripts import Result, Run, campaign, output_of
 
 FOLDER = "CFLIB_EXAMPLES"
 EXPECTED = 45  # examples that run; fewer are a failure
-PATIENCE = 150.0  # s, for an example that ends by itself
-LANDING = 15.0  # s, for one to end after Ctrl-C
-STARTED = re.compile(r"^star: fleet: .* is ", re.MULTILINE)  # a link of the example is open
 FAILURE = re.compile(
     r"Traceback(?!(.*\n)+?KeyboardInterrupt)|not (found )?in (the )?TOC|\bfailed\b|"
     r"Could ?n.?t connect|No LED ring|Error when|cannot be added",
@@ -84,22 +72,6 @@ version: '1'
 FILES = {"lighthouse/lighthouse.yaml": LIGHTHOUSE, "parameters/parameters.yaml": PARAMETERS}
 
 
-class Run(NamedTuple):
-    """How an example is run.
-
-    Attributes:
-        arguments: Of the command line.
-        keys: What is typed.
-        endless: Time after which it is interrupted, s; 0 for one that ends by itself.
-        shows: Regular expression that its output must match.
-    """
-
-    arguments: tuple[str, ...] = ()
-    keys: str = ""
-    endless: float = 0.0
-    shows: str = ""
-
-
 ONLY_ELSEWHERE = {
     "aideck/fpv.py": "a window (PyQt6)",
     "lighthouse/lighthouse_config_visualization.py": "no drone: it plots a file",
@@ -145,73 +117,19 @@ RUNS = {
 }
 
 
-class Result(NamedTuple):
-    """What became of an example.
-
-    Attributes:
-        name: Path in the folder.
-        outcome: ``runs``, ``fails`` or ``elsewhere``.
-        reason: Of the outcome.
-        output: All that it printed.
-    """
-
-    name: str
-    outcome: str
-    reason: str
-    output: str = ""
-
-
 def main() -> int:
-    """Print a line for every example, a table and a summary; 1 if fewer than `EXPECTED` run."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("examples", nargs="*", help="only those whose path contains one of these")
-    parser.add_argument("--jobs", type=int, default=2, help="at the same time; %(default)s")
-    parser.add_argument("--output", action="store_true", help="print the output of failures")
-    arguments = parser.parse_args()
-    signal.signal(signal.SIGINT, signal.default_int_handler)  # where it is ignored, as after `&`
-    if not (folder := os.environ.get(FOLDER)):
-        print(f"{FOLDER} names no folder with cflib's examples: left out")
-        return 0
-    with tempfile.TemporaryDirectory() as name:
-        root = Path(name)
-        shutil.copytree(folder, root / "examples")
-        for path, text in FILES.items():
-            (root / "examples" / path).write_text(text)
-        starts = [f"  cf{i}: {{start: [{i % 4 - 1.5}, {i // 4 - 1.0}, 0.0]}}" for i in range(10)]
-        (root / "mission.yaml").write_text(MISSION % "\n".join(starts))
-        (root / "room.yaml").write_text(ROOM)
-        chosen = [
-            e
-            for e in examples(root / "examples")
-            if not arguments.examples or any(part in e for part in arguments.examples)
-        ]
-        results = []
-        with ThreadPoolExecutor(arguments.jobs) as pool:
-            for result in pool.map(lambda each: run(root, each), chosen):
-                results.append(result)
-                print(f"{result.outcome:10}{result.name:60}{result.reason}", flush=True)
-                if arguments.output and result.outcome == "fails":
-                    print(result.output)
-    print(table(results))
-    counts = Counter(result.outcome for result in results)
-    print(f"examples {len(results)}:", ", ".join(f"{n} {o}" for o, n in counts.most_common()))
-    return int(not arguments.examples and counts["runs"] < EXPECTED)
+    """Run all; return 1 if fewer than `EXPECTED` run."""
+    results, complete = campaign(__doc__ or "", FOLDER, examples, run, prepare=prepare)
+    return int(complete and sum(result.outcome == "runs" for result in results) < EXPECTED)
 
 
-def table(results: Sequence[Result]) -> str:
-    """return the table of docs/from-cflib.md: by folder, how many run, and what the others need."""
-    lines = ["| folder | examples | run | the others |", "|---|---|---|---|"]
-    folders = {result.name.rpartition("/")[0] for result in results}
-    for folder in sorted(folders):
-        rows = [result for result in results if result.name.rpartition("/")[0] == folder]
-        others = [
-            f"`{row.name.rpartition('/')[2]}`: {row.reason}"
-            for row in rows
-            if row.outcome != "runs"
-        ]
-        count = len(rows) - len(others)
-        lines.append(f"| {folder or '.'} | {len(rows)} | {count} | {'; '.join(others)} |")
-    return "\n".join(lines)
+def prepare(root: Path) -> None:
+    """Write the mission of the fleet, and files that examples read."""
+    for path, text in FILES.items():
+        (root / "examples" / path).write_text(text)
+    starts = [f"  cf{i}: {{start: [{i % 4 - 1.5}, {i // 4 - 1.0}, 0.0]}}" for i in range(10)]
+    (root / "mission.yaml").write_text(MISSION % "\n".join(starts))
+    (root / "room.yaml").write_text(ROOM)
 
 
 def examples(folder: Path) -> Iterator[str]:
@@ -236,22 +154,7 @@ def run(root: Path, name: str) -> Result:
         *(str(Path(sys.executable).parent / "star"), "fleet", str(root / "mission.yaml")),
         *("--port", port, *decks, "--", sys.executable, "-u", script.name, *case.arguments),
     ]
-    log = script.with_suffix(".output")
-    with log.open("wb") as output:
-        process = subprocess.Popen(
-            command,
-            cwd=script.parent,
-            env={**os.environ, "MPLBACKEND": "Agg"},
-            stdin=subprocess.PIPE,
-            stdout=output,
-            stderr=subprocess.STDOUT,
-            start_new_session=True,
-        )
-        assert process.stdin is not None
-        process.stdin.write(case.keys.encode())
-        process.stdin.close()
-        reason = ended(process, log, case)
-    text = log.read_text(errors="replace")
+    reason, text = output_of(command, script, case)
     if not reason and (failure := FAILURE.search(text)):
         line = text[text.rfind("\n", 0, failure.start()) + 1 :].splitlines()
         last = [each for each in text.splitlines() if re.match(r"\w+(Error|Exception)\b", each)]
@@ -259,35 +162,6 @@ def run(root: Path, name: str) -> Result:
     if not reason and not re.search(case.shows, text):
         reason = f"its output has no {case.shows!r}"
     return Result(name, "fails" if reason else "runs", reason, text)
-
-
-def ended(process: subprocess.Popen[bytes], log: Path, case: Run) -> str:
-    """Wait for an example's end, interrupting one that is endless; return what was wrong."""
-    deadline = time.monotonic() + PATIENCE
-    while not STARTED.search(log.read_text(errors="replace")):
-        if process.poll() is not None:
-            return f"exit status {process.returncode}" if process.returncode or case.endless else ""
-        if time.monotonic() > deadline:
-            break
-        time.sleep(0.2)
-    try:
-        if not case.endless:
-            process.wait(max(0.0, deadline - time.monotonic()))
-            return f"exit status {process.returncode}" if process.returncode else ""
-        time.sleep(case.endless)
-        if process.poll() is not None:
-            return f"exit status {process.returncode}"
-        os.killpg(process.pid, signal.SIGINT)
-        with suppress(subprocess.TimeoutExpired):
-            process.wait(LANDING)  # a thread of it may go on, as it does by radio
-            return ""
-        process.terminate()
-        process.wait(PATIENCE)
-    except subprocess.TimeoutExpired:
-        os.killpg(process.pid, signal.SIGKILL)
-        process.wait()
-        return f"still running after {PATIENCE:.0f} s"
-    return ""
 
 
 if __name__ == "__main__":

@@ -14,7 +14,7 @@ from socket import gaierror
 from types import FrameType
 from typing import TYPE_CHECKING, Any
 
-from star_core import InputError, Mission, PluginError, Registry, Scene, load
+from star_core import InputError, Mission, PluginError, Registry, load
 from star_core.toolkit import fill_defaults
 from star_fleet.conditions import Condition, read_conditions
 from star_fleet.decks import OPTIONAL
@@ -90,13 +90,13 @@ def run(options: argparse.Namespace, registry: Registry) -> int:
             "  ".join([agent.name, uri, *more.get(row, ())]) + "\n"
             for row, (agent, uri) in enumerate(zip(agents, fleet.addresses, strict=True))
         ]
-        status = _served(fleet, scene, options, "".join(lines))
+        status = _served(fleet, mission, options, "".join(lines))
     if fleet.slipped:
         sys.stderr.write(f"star: fleet: the clock was stopped for {fleet.slipped:.1f} s in all\n")
     return status
 
 
-def _served(fleet: Fleet, scene: Scene, options: argparse.Namespace, listing: str) -> int:
+def _served(fleet: Fleet, mission: Mission, options: argparse.Namespace, listing: str) -> int:
     """Print the addresses, and serve until interrupted, or until the script ends.
 
     Returns:
@@ -111,7 +111,7 @@ def _served(fleet: Fleet, scene: Scene, options: argparse.Namespace, listing: st
     from star_fleet.client_script import client
 
     sys.stderr.write(listing)
-    with client(options.script, fleet, scene) as exit_status:
+    with client(options.script, fleet, mission) as exit_status:
         fleet.serve(options.duration)
         return exit_status()
 
@@ -128,7 +128,8 @@ def configure(line: argparse.ArgumentParser) -> None:
         nargs="*",
         metavar="-- python SCRIPT.py",
         help="run a script for cflib when the ports are open, with its radio:// addresses mapped "
-        "to the drones, and exit with its status when it ends",
+        "to the drones, or `star COMMAND ...` with transport radio and the drones' addresses; exit "
+        "with its status when it ends",
     )
     line.add_argument(
         "--port",

@@ -1,4 +1,4 @@
-"""Scripts as clients: ``star fleet MISSION -- python SCRIPT.py``."""
+"""Programs as clients: ``star fleet MISSION -- python SCRIPT.py``."""
 
 from __future__ import annotations
 
@@ -42,6 +42,24 @@ def test_a_script_reaches_drones_by_their_radio_addresses(
     assert "radio://0/80/2M/E7E7E7E702 is cf2, udp://127.0.0.1:" in output.err
 
 
+def test_a_command_of_star_flies_the_drones_of_the_fleet(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("cflib")
+    script = tmp_path / "names.py"
+    script.write_text(
+        "from crazyflie_py import Crazyswarm\n"
+        "for cf in Crazyswarm().allcfs.crazyflies:\n"
+        "    print(cf.name, cf.uri)\n"
+    )
+    star = str(Path(sys.executable).parent / "star")
+    flight = [star, "script", str(script), "--swarm", FIRST, "--no-record"]
+    assert run([FIRST, "--port", "0", "--", *flight]) == 0
+    lines = capfd.readouterr().out.splitlines()
+    for name in ("cf1", "cf2", "cf3"):
+        assert any(line.startswith(f"{name} udp://127.0.0.1:") for line in lines), lines
+
+
 def test_a_script_is_terminated_when_the_time_of_the_fleet_is_over(tmp_path: Path) -> None:
     script = tmp_path / "endless.py"
     script.write_text("import time\ntime.sleep(600)\n")
@@ -54,6 +72,7 @@ def test_a_script_is_terminated_when_the_time_of_the_fleet_is_over(tmp_path: Pat
     [
         (["python"], "invalid-option"),
         (["python", "-m", "hover"], "invalid-option"),
+        (["star", "--version"], "invalid-option"),
         (["./hover.py"], "invalid-option"),
         (["python3.11", "nowhere/hover.py"], "file-not-found"),
     ],
