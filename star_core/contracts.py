@@ -18,7 +18,7 @@ from typing import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
     from pathlib import Path
 
     from star_core.messages.commands import Command, Trajectory
@@ -32,8 +32,8 @@ if TYPE_CHECKING:
 class Transport(Protocol):
     """Carries telemetry from the agents, and setpoints and commands to them; owns the clock.
 
-    It may have methods of `Paced`, `Uploads`, `InjectsFaults`, `Records`, `NotesFrames` and
-    `AwaitsLandings`, too.
+    It may have methods of `Paced`, `Uploads`, `SetsParameters`, `InjectsFaults`, `Records`,
+    `NotesFrames` and `AwaitsLandings`, too.
     """
 
     def connect(self) -> None:
@@ -88,6 +88,18 @@ class Uploads(Protocol):
 
     def upload(self, trajectories: tuple[Trajectory, ...]) -> None:
         """Upload every trajectory that a task may order: called once, after `connect`, if any."""
+        ...
+
+
+@runtime_checkable
+class SetsParameters(Protocol):
+    """A transport whose agents have firmware with parameters, such as the colors of lights."""
+
+    def set_parameters(self, rows: Sequence[int], values: Mapping[str, float]) -> None:
+        """Set parameters of some agents, by ``group.name``, without waiting for it.
+
+        An agent that lacks a parameter, or cannot have the value, is logged.
+        """
         ...
 
 

@@ -19,6 +19,7 @@ from star_core.contracts import (
     NotesGoals,
     Planner,
     Records,
+    SetsParameters,
     Transport,
     Uploads,
 )
@@ -295,6 +296,12 @@ class PluginPipeline:
         if self._sent is not None:
             others = ~np.isin(np.arange(self._n), command.agent)
             self._sent = replace(self._sent, active=self._sent.active & others)
+
+    def set_parameters(self, rows: Sequence[int], values: Mapping[str, float]) -> None:
+        """Set parameters of agents' firmware, unless the transport has none, or fails."""
+        transport = self._transport.plugin
+        if isinstance(transport, SetsParameters):
+            self._transport.attempt(lambda: transport.set_parameters(rows, values), _nothing)
 
     def correct(self, corrections: Corrections) -> None:
         """Send pose corrections to the on-board estimators, unless the transport fails."""

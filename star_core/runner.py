@@ -329,6 +329,20 @@ class OpenFlight:
         """
         self._running_loop.program.send(command)
 
+    def set_parameters(
+        self, values: Mapping[str, float], agents: str | list[str] | tuple[str, ...] | None = None
+    ) -> None:
+        """Set parameters of agents' firmware now, without waiting for it; a simulation has none.
+
+        Args:
+            values: By ``group.name``, in the firmware's units.
+            agents: Names of agents or groups; None for all agents.
+
+        Raises:
+            InputError: There is no such agent or group.
+        """
+        self._pipeline.set_parameters(self._running_loop.program.rows(agents), values)
+
     def fail(self, reason: str) -> None:
         """End the flight as failed, if it has not ended: `close` then lands all agents."""
         if not self.over:

@@ -51,6 +51,8 @@ def run_script(
                 thread.join(timeout=1.0)
             else:
                 script_run()
+        if not flight.over:
+            control.send_parameters()  # those set at its end
         if script_run.failure and not flight.over:
             operator.report("failure", script_run.failure)
             flight.fail(script_run.failure)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import threading
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -57,6 +57,7 @@ class ScriptFlight:
         self._motions: list[Motion | None] = [None] * n
         self._climbs: dict[int, tuple[float, float, str]] = {}  # height, duration and line
         self._commands: list[Command] = []
+        self._parameters: list[tuple[list[str], dict[str, float]]] = []  # agents and values
         self._changed = self._moved = False
         self._ticked = threading.Condition(threading.RLock())
         self._step()
@@ -227,19 +228,33 @@ class ScriptFlight:
 
     def stop_motors(self, rows: Sequence[int]) -> None:
         """Stop the motors at once."""
-        line, agents = script_line(), np.array(rows, np.int64)
+        line = script_line()
         with self._ticked:
             self._logged("emergency", rows, line)
             for row in rows:
                 self._motions[row] = None
                 self._climbs.pop(row, None)
-            zero = np.zeros(len(agents))
-            still = np.zeros((len(agents), 3))
-            self._commands.append(Command(Order.STOP, agents, still, zero, zero))
+            self._commands.append(_still(Order.STOP, rows))
 
-    def note(self, name: str, rows: Iterable[int], text: str) -> None:
-        """Record a command that does not move an agent."""
-        self._logged(name, rows, script_line(), f" {text}")
+    def arm(self, row: int, *, arm: bool) -> None:
+        """Arm an agent on the ground; before a take-off the transport does that anyway."""
+        with self._ticked:
+            self._logged("arm", [row], script_line(), f" {arm}")
+            if arm and self._phase(row) in GROUND:
+                self._commands.append(_still(Order.ARM, [row]))
+
+    def set_parameters(
+        self, rows: Sequence[int], values: Mapping[str, Any], name: str, text: str
+    ) -> None:
+        """Set parameters of agents' firmware, for a call of a name with the arguments in a text.
+
+        Raises:
+            ValueError: A value is no number.
+        """
+        with self._ticked:
+            numbers = {key: float(value) for key, value in values.items()}
+            self._logged(name, rows, script_line(), f" {text}")
+            self._parameters.append(([self.scene.names[row] for row in rows], numbers))
 
     def _logged(
         self, name: str, rows: Iterable[int], line: str, more: str = ""
@@ -284,8 +299,15 @@ class ScriptFlight:
         """Fly a tick of the flight."""
         self._flight.step()
 
+    def send_parameters(self) -> None:
+        """Pass the parameters that the script has set to the flight."""
+        parameters, self._parameters = self._parameters, []
+        for agents, values in parameters:
+            self._flight.set_parameters(values, agents)
+
     def _prepare(self) -> None:
         """Pass what the agents do in the next tick to the flight."""
+        self.send_parameters()
         self._begin_climbs()
         commands, self._commands = self._commands, []
         for command in commands:
@@ -371,6 +393,12 @@ class ScriptFlight:
                     f"{where}: {names} would be {away[k]:.2f} m apart at {times[k]:.1f} s, "
                     f"expected limits.separation of {limits.separation:g} m at least"
                 )
+
+
+def _still(order: Order, rows: Sequence[int]) -> Command:
+    """Return a command that has no position."""
+    zero = np.zeros(len(rows))
+    return Command(order, np.array(rows, np.int64), np.zeros((len(rows), 3)), zero, zero)
 
 
 def script_line() -> str:

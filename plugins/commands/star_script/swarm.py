@@ -15,6 +15,7 @@ from star_script.script_flight import ScriptFlight
 from star_script.uav_trajectory import Trajectory
 
 LOW_BATTERY: Final = 3.2  # V, at which the firmware's power management reports low power
+SOLID_COLOR: Final = 7  # effect of the ring of LEDs
 ON_BATTERY, LOW_POWER = 0, 3  # states of the firmware's power management
 
 
@@ -162,13 +163,12 @@ class Crazyflie:
         self._flight.stop_motors([self._row])
 
     def arm(self, arm: bool = True) -> None:
-        """Arm it: the transport does, before each take-off."""
-        self._flight.note("arm", [self._row], str(bool(arm)))
+        """Arm it; to disarm it is recorded only."""
+        self._flight.arm(self._row, arm=bool(arm))
 
     def setParam(self, name: str, value: Any) -> None:
-        """Set a parameter, which is recorded; in flight no transport sends it."""
-        self._parameters[str(name).replace("/", ".")] = value
-        self._flight.note("setParam", [self._row], f"{name} {value}")
+        """Set a parameter of its firmware: recorded, and sent by radio."""
+        self._set({name: value}, "setParam", f"{name} {value}")
 
     def getParam(self, name: str) -> Any:
         """Return a parameter as it was set, or 0."""
@@ -180,14 +180,23 @@ class Crazyflie:
             self.setParam(name, value)
 
     def setLEDColor(self, r: float, g: float, b: float) -> None:
-        """Set the color of its ring of LEDs, which is recorded."""
-        self._flight.note("setLEDColor", [self._row], f"{r} {g} {b}")
+        """Set the color of its ring of LEDs; components are from 0 to 1."""
+        solid = {
+            f"ring.solid{name}": round(255 * min(1.0, max(0.0, float(component))))
+            for name, component in zip(("Red", "Green", "Blue"), (r, g, b), strict=True)
+        }
+        self._set({"ring.effect": SOLID_COLOR, **solid}, "setLEDColor", f"{r} {g} {b}")
 
     def enableCollisionAvoidance(self, others: Any, ellipsoidRadii: Any) -> None:
         """Avoid others: the mission's avoider always does."""
 
     def disableCollisionAvoidance(self) -> None:
         """Stop avoiding others: the mission's avoider goes on."""
+
+    def _set(self, values: dict[str, Any], name: str, text: str) -> None:
+        named = {str(key).replace("/", "."): value for key, value in values.items()}
+        self._flight.set_parameters([self._row], named, name, text)
+        self._parameters |= named
 
     def _heeds(self, mask: int) -> list[int]:
         return [self._row] if self._row in self._flight.rows(int(mask)) else []

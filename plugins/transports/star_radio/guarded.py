@@ -7,7 +7,7 @@ import logging
 import subprocess
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final, NamedTuple, NoReturn
@@ -134,6 +134,10 @@ class GuardedRadio:
         if command.order is Order.TAKEOFF:
             self._taken_off[command.agent] = time.monotonic()
         self._post("command", command)
+
+    def set_parameters(self, rows: Sequence[int], values: Mapping[str, float]) -> None:
+        """Set parameters of agents, as `Radio` does."""
+        self._post("set_parameters", (tuple(rows), dict(values)))
 
     def correct(self, corrections: Corrections) -> None:
         self._post("correct", corrections)

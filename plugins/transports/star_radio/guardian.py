@@ -15,6 +15,7 @@ import signal
 import sys
 import time
 from collections import deque
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import suppress
 from dataclasses import replace
@@ -39,7 +40,12 @@ PROGRESS_PERIOD: Final = 0.2  # s, between two reports while connecting
 LANDING_TIME: Final = 30.0  # s, for which the end of the flight waits for landings
 MAX_LINES: Final = 100  # log messages that the flight has not received yet
 MAX_WAIT: Final = 1.0  # s, for a tick
-MOVING: Final = ("send", "command", "correct")  # refused once the guardian lands the agents
+MOVING: Final = (
+    "send",
+    "command",
+    "correct",
+    "set_parameters",
+)  # refused once the guardian lands the agents
 SERVED: Final = (*MOVING, "connect", "upload", "wait", "record_in", "close")
 
 
@@ -222,6 +228,9 @@ class Guardian:
 
     def _correct(self, corrections: Any) -> None:
         self._radio.correct(corrections)
+
+    def _set_parameters(self, message: tuple[tuple[int, ...], Mapping[str, float]]) -> None:
+        self._radio.set_parameters(*message)
 
     def _record_in(self, folder: Path) -> None:
         self._folder = Path(folder)

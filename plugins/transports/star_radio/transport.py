@@ -381,6 +381,18 @@ class Radio:
             packet = profiles.start(self.vehicles[row].version)
             self.vehicles[row].order(packet, COMMANDS[Order.TAKEOFF], once=True)
 
+    def set_parameters(self, rows: Sequence[int], values: Mapping[str, float]) -> None:
+        """Set parameters of the connected agents, and repeat that until it is confirmed."""
+        faults: dict[str, list[str]] = {}
+        for vehicle in (self.vehicles[row] for row in rows if self.connected[row]):
+            for name, value in values.items():
+                try:
+                    vehicle.begin_setting(name, value)
+                except PluginError as error:
+                    faults.setdefault(error.message, []).append(vehicle.name)
+        for text, names in faults.items():
+            log.warning("radio: %s: %s", shortlist(names), text)
+
     def correct(self, corrections: Corrections) -> None:
         """Send pose corrections to the estimators, preceded by changed standard deviations."""
         rows = [(i, row) for i, row in enumerate(corrections.agent.tolist()) if self.connected[row]]

@@ -14,7 +14,7 @@ from star_radio.connection.estimator import ConvergenceWait, EstimatorNoise, res
 from star_radio.connection.link import Link
 from star_radio.connection.log_values import LogValues
 from star_radio.connection.questions import ATTEMPTS, Question
-from star_radio.connection.tables import Table, Tables, read_now, set_now
+from star_radio.connection.tables import Table, Tables, read_now, set_now, setting
 from star_radio.extra_reports import ACCELEROMETER, POSITION_VARIANCE, ExtraReports
 from star_radio.handover import Handover, Repeat
 from star_radio.options import RadioOptions
@@ -190,6 +190,16 @@ class Vehicle:
         """Set a parameter and wait for the confirmation; this blocks, without a deadline."""
         self._deadline = math.inf
         set_now(self.parameters, name, value, self._ask)
+
+    def begin_setting(self, name: str, value: float) -> None:
+        """Set a parameter until that is confirmed; a newer value replaces it.
+
+        Raises:
+            PluginError: The firmware lacks it, or it cannot have the value.
+        """
+        question = setting(self.parameters, name, value)
+        question.topic = f"parameter {name}"
+        self.link.assure(question)
 
     def _hear(self, payload: bytes) -> None:
         """Take a report that is not of the state; runs in the receiving thread."""

@@ -140,7 +140,7 @@ def setting(table: Table, name: str, value: float) -> Question:
     if kind & READ_ONLY:
         raise PluginError(f"parameter {name!r} is read-only", "invalid-option")
     form = FORMATS[kind & _TYPE]
-    if kind & _TYPE not in REAL and value != int(value):
+    if kind & _TYPE not in REAL and not float(value).is_integer():
         text = f"parameter {name!r} is a whole number, got {value!r}"
         raise PluginError(text, "invalid-option")
     try:

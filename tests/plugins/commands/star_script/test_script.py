@@ -14,10 +14,12 @@ import pytest
 
 import star_yaml
 from star_core import InputError, Operator, Registry, hookimpl, load, read_run
+from star_core.testing import scene
 from star_script.run_script import run_script
 from star_verbs.follow.files import PIECE_COLUMNS
 from tests.commands import command
 from tests.core.conftest import Lab
+from tests.simulators import ideal_fleet
 
 main = command("script")
 
@@ -324,6 +326,38 @@ def test_a_script_in_real_time_flies_in_its_own_thread(lab: Lab, tmp_path: Path)
     assert not failed, summary["reason"]
     assert summary["outcome"] == "completed"
     assert lab.went("cf1")[-1] == "landed"
+
+
+def test_parameters_and_colors_are_sent_to_drones(tmp_path: Path) -> None:
+    pytest.importorskip("cflib")
+    script = tmp_path / "colors.py"
+    script.write_text(
+        "from crazyflie_py import Crazyswarm\n"
+        "swarm = Crazyswarm()\n"
+        "first, second = swarm.allcfs.crazyflies\n"
+        "swarm.allcfs.arm(True)\n"
+        "swarm.allcfs.setParam('led/bitmask', 128)\n"
+        "first.setLEDColor(1, 0.5, 0)\n"
+        "swarm.timeHelper.sleep(0.5)\n"
+        "second.setParam('ring.effect', 13)\n"
+    )
+    with ideal_fleet(scene(2), arms_itself=False) as fleet:
+        robots = ROBOTS
+        for row, uri in enumerate(fleet.addresses):
+            robots = robots.replace(f"radio://0/80/2M/E7E7E7E70{row + 1}", uri)
+        (tmp_path / "crazyflies.yaml").write_text(robots)
+        registry = Registry()
+        choices = ["transport=radio", "localizer=flow", f"transport.cache={tmp_path}"]
+        mission = load(tmp_path / "crazyflies.yaml", registry, choices)
+        _summary, failed = run_script(script, (), mission, registry, Operator())
+        armed = [vehicle.supervisor.armed for vehicle in fleet.vehicles]
+        values = [vehicle._parameters for vehicle in fleet.vehicles]
+    assert not failed
+    assert armed == [True, True]
+    assert [value["led.bitmask"] for value in values] == [128, 128]
+    solid = [f"ring.solid{color}" for color in ("Red", "Green", "Blue")]
+    assert [values[0][name] for name in solid] == [255, 128, 0]
+    assert [value["ring.effect"] for value in values] == [7, 13]
 
 
 def test_a_flight_that_ends_stops_its_script(lab: Lab, tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ import pytest
 
 from star_core import PluginError
 from tests.plugins.transports.star_radio.conftest import Open, Peers
-from tests.plugins.transports.star_radio.peer import VALUES
+from tests.plugins.transports.star_radio.peer import PARAMETERS, VALUES
 
 UNSERVED = "udp://127.0.0.1:9"  # the port `discard`, which has no server
 
@@ -265,6 +265,26 @@ def test_parameters_of_one_agent_go_before_those_of_all(peers: Peers, connect: O
     own = {"cf2": {"ring.effect": 9}}
     connect([first, second], parameters={"ring.effect": 7}, agent_parameters=own)
     assert [drone.stored["ring.effect"] for drone in (first, second)] == [b"\7", b"\11"]
+
+
+def test_parameters_are_set_in_flight_until_confirmed(
+    peers: Peers, connect: Open, caplog: pytest.LogCaptureFixture
+) -> None:
+    first, second, third = peers(3)
+    radio = connect([first, second, third])
+    second.lose[b"\x22\3\0"] = 2  # answers about this parameter
+    radio.set_parameters([0, 1], {"ring.effect": 7})
+    radio.set_parameters([0, 1], {"ring.effect": float("nan")})
+    radio.set_parameters([0, 1], {"pid.nothing": 1})
+    for tick in range(40):
+        radio.wait(0.05 * tick)
+    effects = [drone.stored["ring.effect"] for drone in (first, second, third)]
+    assert effects == [b"\7", b"\7", PARAMETERS["ring.effect"][1]]
+    assert second.lose[b"\x22\3\0"] == 0
+    assert [record.getMessage() for record in caplog.records] == [
+        "radio: cf1, cf2: parameter 'ring.effect' is a whole number, got nan",
+        "radio: cf1, cf2: its firmware has no parameter 'pid.nothing'",
+    ]
 
 
 @pytest.mark.parametrize(
