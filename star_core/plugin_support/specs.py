@@ -103,6 +103,8 @@ class TransportSpec(MissionSpec):
         heights_above_surface: ``heights_above_surface(**options)`` returns whether the on-board
             estimators take what is below for the floor, as they do with a Flow deck; None if they
             always do. Localizers read it in `Scene.heights_above_surface`.
+        flow_deck: ``flow_deck(**options)`` returns whether the drones carry Flow decks; None if
+            they always do. Localizers and monitors read it in `Scene.flow_deck`.
         exact_odometry: ``exact_odometry(**options)`` returns whether odometry has no error, as in a
             simulation without noise; None if it never is exact. Localizers read it in
             `Scene.exact_odometry`.
@@ -129,6 +131,7 @@ class TransportSpec(MissionSpec):
     make: Callable[..., Transport]
     realtime: bool = True
     heights_above_surface: Callable[..., bool] | None = None
+    flow_deck: Callable[..., bool] | None = None
     exact_odometry: Callable[..., bool] | None = None
     exact_control: Callable[..., bool] | None = None
     detects_tags: Callable[..., bool] | None = None

@@ -71,6 +71,7 @@ class Scene:
         exact_odometry: Whether the agents start where they are expected and their odometry has no
             error, as in a simulation without noise.
         heights_above_surface: Whether on-board estimators may take what is below for the floor.
+        flow_deck: Whether the agents carry Flow decks, which measure their heights and velocities.
         detects_tags: Whether cameras send corners of tags, `Telemetry.detections`, not images.
         measures_positions: Whether a positioning system measures positions: `Telemetry.fixes`.
         measurement_errors: Standard deviation of these along each axis, m, and the longest time
@@ -93,6 +94,7 @@ class Scene:
     realtime: bool = False
     exact_odometry: bool = False
     heights_above_surface: bool = True
+    flow_deck: bool = True
     detects_tags: bool = False
     measures_positions: bool = False
     measurement_errors: tuple[float, float] | None = None

@@ -67,6 +67,7 @@ class Flown(NamedTuple):
         highest: Greatest true height, m.
         gaps: Ticks in which an agent in the air was not located.
         on_board: RMS error in the plane of the on-board estimates, in the frames of the starts, m.
+        along_z: RMS error of the estimated heights, m.
     """
 
     seed: int
@@ -75,6 +76,7 @@ class Flown(NamedTuple):
     highest: float
     gaps: int
     on_board: float
+    along_z: float
 
     @property
     def completed(self) -> bool:
@@ -97,12 +99,18 @@ class Watch:
         self.worst = self.highest = 0.0
         self.gaps = 0
         self._squares: list[float] = []
+        self._heights: list[float] = []
         self._frames = Transform(np.zeros(0), np.zeros((0, 3)))
 
     @property
     def on_board(self) -> float:
         """RMS error in the plane of the on-board estimates, m."""
-        return float(np.sqrt(np.mean(self._squares))) if self._squares else 0.0
+        return _rms(self._squares)
+
+    @property
+    def along_z(self) -> float:
+        """RMS error of the estimated heights, m."""
+        return _rms(self._heights)
 
     @hookimpl
     def star_mission_started(self, flight: Flight) -> None:
@@ -117,7 +125,9 @@ class Watch:
         height = tick.truth.position[:, 2]
         self.highest = max(self.highest, float(height.max()))
         flying = tick.health.phase == AgentPhase.FLYING
-        error = np.linalg.norm(tick.estimate.position - tick.truth.position, axis=1)
+        off = tick.estimate.position - tick.truth.position
+        self._heights += (off[flying, 2] ** 2).tolist()
+        error = np.linalg.norm(off, axis=1)
         self.worst = max(self.worst, float(error.max(initial=0.0, where=flying)))
         self.gaps += int(np.count_nonzero(flying & ~tick.estimate.valid))
         offset = self._frames.apply(tick.telemetry.position) - tick.truth.position
@@ -125,18 +135,28 @@ class Watch:
 
 
 def flown(
-    path: Path, seed: int, assignments: Sequence[str] = (), faults: Sequence[Any] = ()
+    path: Path,
+    seed: int,
+    assignments: Sequence[str] = (),
+    faults: Sequence[Any] = (),
+    observers: Sequence[object] = (),
 ) -> Flown:
     """Fly a mission in simulation with some faults, in the form of a fault file."""
     watch, registry = Watch(), Registry()
     mission = load(path, registry, [f"seed={seed}", *assignments])
-    plugins: list[object] = [watch]
+    plugins: list[object] = [watch, *observers]
     if faults:
         made = faults_of(list(faults), mission.scene)
         plugins.append(FaultInjector(mission.scene, made))
     registry = Registry(*plugins)
     summary = fly(load(path, registry, [f"seed={seed}", *assignments]), registry)
-    return Flown(seed, summary, watch.worst, watch.highest, watch.gaps, watch.on_board)
+    figures = watch.worst, watch.highest, watch.gaps, watch.on_board, watch.along_z
+    return Flown(seed, summary, *figures)
+
+
+def _rms(squares: Sequence[float]) -> float:
+    """Return the root of the mean of squares; 0 of none."""
+    return float(np.sqrt(np.mean(squares))) if squares else 0.0
 
 
 def written(folder: Path, text: str, *, more: str = "", apart: float = 1.0, x: float = -1) -> Path:
@@ -222,12 +242,13 @@ def unmeasured(seed: int) -> bool:
 
 
 class Accuracy(NamedTuple):
-    """Of a flight of the mission: RMS and worst error, m, NEES, and RMS error on board, m."""
+    """Of a flight: RMS and worst error, m, NEES, RMS error on board, and of the heights, m."""
 
     rms: float
     worst: float
     nees: float
     on_board: float
+    along_z: float
 
 
 def accuracy(seed: int, assignments: Sequence[str] = (), mission: Path = MISSION) -> Accuracy:
@@ -236,7 +257,7 @@ def accuracy(seed: int, assignments: Sequence[str] = (), mission: Path = MISSION
     summary = flight.summary
     assert summary["outcome"] == "completed", summary["reason"]
     rms, worst, nees = (float(summary[f"position_{key}"]) for key in ("rmse_m", "worst_m", "nees"))
-    return Accuracy(rms, worst, nees, flight.on_board)
+    return Accuracy(rms, worst, nees, flight.on_board, flight.along_z)
 
 
 LOSSES: dict[str, Callable[[int], bool]] = {

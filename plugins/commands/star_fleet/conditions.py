@@ -77,12 +77,13 @@ def read_conditions(texts: Iterable[str], scene: Scene) -> Conditions:
 def with_receivers(conditions: Conditions, scene: Scene) -> Conditions:
     """Return conditions in which drones know the map by the mission's positioning system.
 
-    A drone with a deck that receives nothing does not.
+    A drone with a deck that receives nothing does not. Without Flow decks, none has one.
     """
     if scene.onboard_system is None:
         return conditions
     receives = frozenset({Condition(scene.onboard_system)})
-    rows = {row: conditions.get(row, NONE) for row in range(len(scene.agents))}
+    lacks = NONE if scene.flow_deck else frozenset({Condition.NO_FLOW_DECK})
+    rows = {row: lacks | conditions.get(row, NONE) for row in range(len(scene.agents))}
     return {
         row: some if Condition.NO_STATIONS in some else some | receives
         for row, some in rows.items()
@@ -99,9 +100,15 @@ def prepare(drones: Drones, conditions: Conditions) -> None:
             drones["origin"][row, 0] += DISPLACEMENT
 
 
-def unmeasured(conditions: Conditions, n: int) -> Mask:
-    """Return whose velocity the estimator does not measure: (N,)."""
-    return _rows(conditions, n, UNMEASURED) > 0
+def unmeasured(conditions: Conditions, n: int, *, flow_decks: bool) -> Mask:
+    """Return whose velocity the estimator does not measure, but expects to: (N,).
+
+    Args:
+        conditions: By row.
+        n: Number of drones.
+        flow_decks: Whether estimators expect Flow decks.
+    """
+    return _rows(conditions, n, UNMEASURED if flow_decks else {Condition.UNSETTLED}) > 0
 
 
 def stations(conditions: Conditions, n: int) -> Array:

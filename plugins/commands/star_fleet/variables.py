@@ -19,12 +19,12 @@ from star_core import Array, Rows
 from star_fleet.conditions import GROWTH, Conditions, anchors, stations, unmeasured
 from star_fleet.packet import compress
 from star_fleet.ranger import AXES, Ranger, seen_along
-from star_sim import fusion
 from star_sim.airframe import DRAG_XY, DRAG_Z, GRAVITY, MASS, THRUST_MAX
 from star_sim.attitude import ATTITUDE_GAIN
 from star_sim.drone import OFF
+from star_sim.fusion import YAW, Fusion
 from star_sim.kernel import report
-from star_sim.transport import HEIGHT_STD, Simulator
+from star_sim.transport import Simulator
 
 if TYPE_CHECKING:
     from star_fleet.vehicle import Vehicle
@@ -106,6 +106,19 @@ class Readings:
     def covariance(self) -> Array:
         """(N, 3, 3) of the estimates of x, y and heading, m and rad."""
         return self._fusion.covariance(self.drones, self.now)
+
+    @cached_property
+    def position_variance(self) -> Array:
+        """(N, 3) of the estimates of x, y and z, m²."""
+        return self._fusion.position_variance(self.drones, self.now)
+
+    @cached_property
+    def velocity_variance(self) -> Array:
+        """(N, 3) of the estimated velocities, m²/s²; they grow while nothing measures these."""
+        expected = isinstance(self._fusion, Fusion)
+        without = unmeasured(self.conditions, len(self.drones), flow_decks=expected)
+        variance = self._fusion.velocity_variance(self.drones, self.now)
+        return variance + GROWTH * self.now * without[:, None]
 
     @cached_property
     def ranges(self) -> Array:
@@ -230,21 +243,6 @@ def _angles(group: str) -> Iterator[Variable]:
     yield Variable(f"{group}.yaw", FLOAT, _of("believed_yaw", scale=_DEGREES))
 
 
-def _variance(axis: int) -> Callable[[Readings], Any]:
-    """Of the estimate of x, y or heading, m² or rad²."""
-    return lambda readings: readings.covariance[:, axis, axis]
-
-
-def _velocity_variance(_axis: int, _scale: float) -> Callable[[Readings], Any]:
-    """Of the velocity along an axis, m²/s²; it grows while nothing measures it."""
-
-    def read(readings: Readings) -> Any:
-        without = unmeasured(readings.conditions, len(readings.drones))
-        return fusion.VELOCITY_VARIANCE + GROWTH * readings.now * without
-
-    return read
-
-
 def _stations(readings: Readings) -> Any:
     return stations(readings.conditions, len(readings.drones))
 
@@ -343,11 +341,9 @@ VARIABLES: Final = (
     *_each("kalman", "statePX statePY statePZ", FLOAT, _column, "body_velocity"),
     Variable("kalman.q0", FLOAT, _column("attitude", 3)),
     *_each("kalman", "q1 q2 q3", FLOAT, _column, "attitude"),
-    Variable("kalman.varX", FLOAT, _variance(0)),
-    Variable("kalman.varY", FLOAT, _variance(1)),
-    Variable("kalman.varZ", FLOAT, lambda readings: np.full(len(readings.drones), HEIGHT_STD**2)),
-    *_each("kalman", "varPX varPY varPZ", FLOAT, _velocity_variance),
-    Variable("kalman.varD2", FLOAT, _variance(fusion.YAW)),
+    *_each("kalman", "varX varY varZ", FLOAT, _column, "position_variance"),
+    *_each("kalman", "varPX varPY varPZ", FLOAT, _column, "velocity_variance"),
+    Variable("kalman.varD2", FLOAT, lambda readings: readings.covariance[:, YAW, YAW]),
     Variable("lighthouse.bsActive", U16, _stations),
     Variable("ranging.state", U16, _anchors),
     Variable("range.zrange", U16, _range),

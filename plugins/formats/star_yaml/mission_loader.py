@@ -139,8 +139,8 @@ def _transport_properties(choice: Mapping[str, Any], registry: Registry) -> dict
         return {}
     offer, properties = plugin.offer, {"realtime": bool(plugin.offer.realtime)}
     options = fill_defaults(_options(choice), offer.options)  # some of them may be refused
-    flags = "exact_odometry", "heights_above_surface", "detects_tags", "measures_positions"
-    for name in flags:
+    flags = "exact_odometry", "heights_above_surface", "flow_deck"
+    for name in (*flags, "detects_tags", "measures_positions"):
         if (holds := getattr(offer, name)) is not None:
             with PluginGuard(f"transport {offer.name!r} ({plugin.source})"):
                 properties[name] = bool(holds(**options))

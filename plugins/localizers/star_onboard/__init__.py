@@ -14,6 +14,13 @@ if TYPE_CHECKING:
 SYSTEMS: Final = ("lighthouse", "loco", "poses")
 BEACONS: Final = {"lighthouse": "base_stations", "loco": "anchors"}
 
+DEVIATION: Final[dict[str, Any]] = {
+    "type": ["number", "null"],
+    "exclusiveMinimum": 0,
+    "maximum": 10,
+    "default": None,
+}
+
 OPTIONS: dict[str, Any] = {
     "type": "object",
     "properties": {
@@ -24,20 +31,22 @@ OPTIONS: dict[str, Any] = {
             "base stations or anchors of the world, or 'poses' that another program sends.",
         },
         "std": {
-            "type": ["number", "null"],
-            "exclusiveMinimum": 0,
-            "maximum": 10,
-            "default": None,
+            **DEVIATION,
             "description": "Standard deviation of the system's errors along x and along y, m, "
-            "which the estimators do not know; null is 0.014 for Lighthouse, 0.06 for Loco and "
-            "0.005 for poses.",
+            "which the estimators do not know; null is 0.014 for Lighthouse, 0.05 for Loco (0.02 "
+            "without a Flow deck) and 0.005 for poses.",
         },
-        "max_std": positive(
-            "Standard deviation along an axis that an estimator may report, m: with more, an agent "
-            "is not located. With a Flow deck alone it is reached within some 5 s.",
-            maximum=10,
-            default=0.1,
-        ),
+        "height_std": {
+            **DEVIATION,
+            "description": "Likewise along z; null is 0.01 with a Flow deck, and without 0.014 for "
+            "Lighthouse, 0.075 for Loco and 0.005 for poses.",
+        },
+        "max_std": {
+            **DEVIATION,
+            "description": "Standard deviation along an axis that an estimator may report, m: with "
+            "more, an agent is not located. null is 0.1, which a Flow deck alone reaches within "
+            "some 5 s, and 0.25 without a Flow deck.",
+        },
         "max_report_age": positive("Age up to which an agent's report is valid, s.", default=0.5),
     },
 }

@@ -8,9 +8,10 @@ import numpy as np
 
 from star_core import Estimate, Mask, Scene, Telemetry, Transform
 from star_core.toolkit import SurfaceHeights, frozen, shortlist, some
-from star_onboard.systems import STD
+from star_onboard.systems import system_std
 
-HEIGHT_STD: Final = 0.01  # m, of the ranger of a Flow deck beside the receiver
+MAX_STD: Final = 0.1  # m, default of `max_std` with a Flow deck, and
+INERTIAL_MAX_STD: Final = 0.25  # m, without
 FIRST_TIME: Final = 1.0  # s of the mission, in which estimators converge
 
 
@@ -21,13 +22,15 @@ class Onboard:
     reports standard deviations of at most `max_std`; so no agent takes off before its receiver
     works, and one that leaves the coverage is not located after some seconds. A row that is not
     valid keeps its last position, at rest. Reports without variances are taken as they are. Heights
-    are those of rangers, and corrected over obstacles of the map.
+    of Flow decks are those of rangers, and corrected over obstacles of the map.
 
     Args:
         scene: Agents.
-        system: Name in `STD`.
-        std: Of its errors along x and along y, m; None takes that of `STD`.
-        max_std: Greatest standard deviation that an estimator may report, m.
+        system: Its name.
+        std: Of its errors along x and along y, m; None takes that of `system_std`.
+        height_std: The same along z.
+        max_std: Greatest standard deviation that an estimator may report, m; None is `MAX_STD`, or
+            `INERTIAL_MAX_STD` without Flow decks.
         max_report_age: Age up to which a report is valid, s.
     """
 
@@ -37,14 +40,19 @@ class Onboard:
         *,
         system: str,
         std: float | None,
-        max_std: float,
+        height_std: float | None,
+        max_std: float | None,
         max_report_age: float,
     ) -> None:
         n = len(scene.agents)
         self._scene = scene
+        if max_std is None:
+            max_std = MAX_STD if scene.flow_deck else INERTIAL_MAX_STD
         self._max_variance, self._max_report_age = max_std**2, max_report_age
-        planar = (STD[system] if std is None else std) ** 2
-        self._variance = np.diag([planar, planar, HEIGHT_STD**2])
+        planar, vertical = system_std(scene, system)
+        planar = planar if std is None else std
+        vertical = vertical if height_std is None else height_std
+        self._variance = np.diag(np.square([planar, planar, vertical]))
         self._map_from_odom = Transform(np.zeros(n), np.zeros((n, 3)))
         self._surfaces = SurfaceHeights(scene, only_mapped=True)
         self._offset = np.zeros(n)  # m, added to heights

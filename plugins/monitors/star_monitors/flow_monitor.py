@@ -16,6 +16,8 @@ from star_monitors.motion_check import MotionCheck
 class FlowMonitor:
     """Brakes agents whose flow sensors are stuck, or measure less motion than there is.
 
+    Agents without Flow decks are not judged.
+
     Args:
         scene: The agents.
     """
@@ -25,12 +27,15 @@ class FlowMonitor:
     def __init__(self, scene: Scene) -> None:
         n = len(scene.agents)
         self._names = scene.names
+        self._flow_deck = scene.flow_deck
         self._motion = MotionCheck(n)
         self._drag = DragCheck(n)
         self._contradicted = np.zeros(n, np.bool_)
 
     def check(self, state: TickState) -> Iterator[Report | Use | Misreport]:
         """Yield reports of such agents, their estimates as not valid, and what they misreport."""
+        if not self._flow_deck:
+            return
         estimate, telemetry, airborne = state.estimate, state.telemetry, state.airborne
         tilts = self._motion.check(telemetry, airborne)
         dragged = self._drag.check(telemetry, airborne, tilts)

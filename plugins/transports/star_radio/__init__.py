@@ -70,6 +70,11 @@ def check(scene: Scene, **options: Any) -> Iterable[Problem]:
     yield from camera_faults(scene, options["cameras"])
 
 
+def flow_deck(*, flow_deck: bool, **_others: Any) -> bool:
+    """Return whether the drones carry Flow decks, which measure heights from what is below."""
+    return flow_deck
+
+
 def _old_cflib() -> str:
     """Return the version of cflib if it supports only the legacy dongle mode, else ''."""
     from importlib.metadata import PackageNotFoundError, version
@@ -97,6 +102,8 @@ def star_transports(registry: Registry) -> Iterable[TransportSpec]:
         make=make,
         options=options_with(registry),
         check=check,
+        heights_above_surface=flow_deck,
+        flow_deck=flow_deck,
     )
 
 

@@ -140,6 +140,12 @@ OPTIONS: dict[str, Any] = {
             "description": "Addresses of the AI-decks by agent: host or host:port; the default "
             "port is 5000.",
         },
+        "flow_deck": {
+            "type": "boolean",
+            "default": True,
+            "description": "Whether the drones carry Flow decks; without, localizer `onboard` "
+            "takes their heights from the positioning system too.",
+        },
         "camera_latency": number(
             "Latency from an exposure to the first packet of its image, s.",
             minimum=0,
@@ -187,6 +193,7 @@ class RadioOptions:
     stop: str
     watchdog: bool
     cameras: Mapping[str, str]
+    flow_deck: bool
     camera_latency: float
     mocap: Mapping[str, Any] | None
     broadcast: int | None

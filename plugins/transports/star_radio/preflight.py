@@ -19,6 +19,7 @@ MAX_RANGED_ERROR: Final = 0.4  # m, of a start by Loco alone, which errs by deci
 MAX_YAW_ERROR: Final = math.radians(10.0)  # 9 cm after 0.5 m; chosen, not measured
 MIN_CONTRAST: Final = 8.0  # gray levels; an uncovered lens has more, chosen, not measured
 POSITION_DECKS: Final = ("Flow2", "Flow", "Lighthouse4", "Loco", "DWM1000")
+FLOW_DECKS: Final = ("Flow2", "Flow")
 CAMERA_DECK: Final = "AI"
 
 SUPERVISOR: Final = {
@@ -77,7 +78,13 @@ class Placement(NamedTuple):
 
 
 def fitness(
-    agent: str, equipment: Equipment, state: int, *, camera: bool, settled: bool
+    agent: str,
+    equipment: Equipment,
+    state: int,
+    *,
+    camera: bool,
+    settled: bool,
+    flow_deck: bool | None = None,
 ) -> Iterator[Finding]:
     """Yield what a drone reports of its supervisor, self-test and decks.
 
@@ -87,6 +94,8 @@ def fitness(
         state: Bits of its supervisor.
         camera: Whether the mission uses its camera.
         settled: Whether its estimator has converged, by whatever it measures.
+        flow_deck: Whether the mission expects a Flow deck beside a positioning system; None if it
+            has none of these.
     """
     bits = [each for bit, each in SUPERVISOR.items() if state & bit]
     names = ", ".join(str(bit.name).lower() for bit in Supervisor if state & bit) or "none"
@@ -103,7 +112,7 @@ def fitness(
     else:
         text = "not reported" if equipment.self_test is None else "passed"
         yield Finding(agent, "self-test", Severity.OK, text)
-    yield from _decks(agent, equipment.decks, camera=camera, settled=settled)
+    yield from _decks(agent, equipment.decks, camera=camera, settled=settled, flow_deck=flow_deck)
 
 
 def readiness(
@@ -114,6 +123,7 @@ def readiness(
     battery_low: float,
     placement: Placement | None,
     needs_map: bool = False,
+    flow_deck: bool = True,
 ) -> Iterator[Finding]:
     """Yield what was found of one drone, except of its camera.
 
@@ -124,6 +134,7 @@ def readiness(
         battery_low: V, below which it is not started.
         placement: Where a positioning system outside of it measures it, if there is one.
         needs_map: Whether the mission's localizer takes positions of estimators that know the map.
+        flow_deck: Whether the mission expects a Flow deck.
     """
     name = agent.name
     if drone.quality < MIN_QUALITY:
@@ -134,7 +145,14 @@ def readiness(
         yield Finding(name, "link", Severity.OK, f"its quality is {drone.quality:.0f} %")
     yield Finding(name, "firmware", Severity.OK, drone.firmware or f"protocol {drone.protocol}")
     settled = not drone.unsettled
-    yield from fitness(name, drone.equipment, drone.state, camera=camera, settled=settled)
+    yield from fitness(
+        name,
+        drone.equipment,
+        drone.state,
+        camera=camera,
+        settled=settled,
+        flow_deck=flow_deck if needs_map else None,
+    )
     volts = f"{drone.battery:.2f} V"
     if drone.battery >= battery_low:
         yield Finding(name, "battery", Severity.OK, volts)
@@ -212,7 +230,12 @@ def errors(findings: Iterable[Finding]) -> str:
 
 
 def _decks(
-    agent: str, decks: Sequence[str] | None, *, camera: bool, settled: bool
+    agent: str,
+    decks: Sequence[str] | None,
+    *,
+    camera: bool,
+    settled: bool,
+    flow_deck: bool | None,
 ) -> Iterator[Finding]:
     if decks is None:
         yield Finding(agent, "decks", Severity.OK, "not reported")
@@ -224,7 +247,14 @@ def _decks(
         lacking.append("no AI-deck")
     listed = shortlist(decks) or "none"
     if not lacking:
-        yield Finding(agent, "decks", Severity.OK, listed)
+        attached = bool({*FLOW_DECKS} & {*decks})
+        if flow_deck is None or attached == flow_deck:
+            yield Finding(agent, "decks", Severity.OK, listed)
+            return
+        text = f"{'a' if attached else 'no'} Flow deck, unlike in the mission (decks: {listed})"
+        remedy = f"write transport: {{use: radio, flow_deck: {str(attached).lower()}}}, or "
+        remedy += "remove the deck" if attached else "attach one"
+        yield Finding(agent, "decks", Severity.WARNING, text, remedy)
         return
     severity = Severity.WARNING if settled else Severity.ERROR
     remedy = "attach the deck, seat it firmly, then switch the drone off and on"

@@ -93,6 +93,7 @@ def found(mission: Mission, options: RadioOptions) -> Iterator[Finding]:
                 battery_low=limit,
                 placement=placements.get(row),
                 needs_map=scene.reports_in_map,
+                flow_deck=scene.flow_deck,
             )
         if capture is not None:
             yield preflight.positioning(agent.name, visible=row in placements, why=system)

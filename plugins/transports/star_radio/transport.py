@@ -185,6 +185,7 @@ class Radio:
                 vehicle.stream.newest.state,
                 camera=vehicle.name in self._options.cameras,
                 settled=True,  # `connect` has waited for it
+                flow_deck=self._scene.flow_deck if self._scene.reports_in_map else None,
             )
         ]
         for finding in findings:

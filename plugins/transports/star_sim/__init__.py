@@ -167,9 +167,14 @@ def check(
             yield Problem(("camera", "covered", i), reason, "unknown-landmark")
 
 
-def heights_above_surface(*, noise: bool, profile: str, **_others: Any) -> bool:
+def heights_above_surface(*, noise: bool, profile: str, **others: Any) -> bool:
     """Return whether the estimators measure heights from obstacles below."""
-    return noise and PROFILES[profile].surfaces
+    return noise and PROFILES[profile].surfaces and flow_deck(**others)
+
+
+def flow_deck(*, onboard: Mapping[str, Any] | None = None, **_others: Any) -> bool:
+    """Return whether the drones carry Flow decks."""
+    return onboard is None or bool(onboard.get("flow_deck", True))
 
 
 def exact_odometry(*, noise: bool, **_others: Any) -> bool:
@@ -204,7 +209,7 @@ def measurement_errors(
 
 def onboard_system(*, onboard: Mapping[str, Any] | None = None, **_others: Any) -> str | None:
     """Return the positioning system by which the on-board estimators know the map."""
-    return None if onboard is None else str(onboard["system"])
+    return None if onboard is None else onboard.get("system")
 
 
 @hookimpl
@@ -217,6 +222,7 @@ def star_transports() -> Iterable[TransportSpec]:
         check=check,
         realtime=False,
         heights_above_surface=heights_above_surface,
+        flow_deck=flow_deck,
         exact_odometry=exact_odometry,
         exact_control=exact_control,
         detects_tags=detects_tags,

@@ -31,16 +31,20 @@ class DroneFaults:
         noise: Whether the drones estimate their state.
 
     Raises:
-        PluginError: Without noise, estimates equal the ground truth: sensors have no faults.
+        PluginError: Without noise, estimates equal the ground truth: sensors have no faults. Or it
+            is one of a Flow deck, without any.
     """
 
     def __init__(self, drones: Drones, faults: Sequence[Fault], seed: int, *, noise: bool) -> None:
         sensors = sorted(_ESTIMATED & {fault.component for fault in faults})
         if sensors and not noise:
             raise PluginError(f"simulates no faults of {', '.join(sensors)} with `noise: false`")
+        lacking = [name for name in ("flow", "ranger") if name in sensors]
+        if lacking and not drones["flow_share"].any():
+            raise PluginError(f"simulates no faults of {', '.join(lacking)} without Flow decks")
         self._drones = drones
         self._faults = faults
-        self._nominal = {name: drones[name].copy() for name in _ERRORS}
+        self._nominal = {name: drones[name].copy() for name in (*_ERRORS, *_SHARES)}
         self._randoms = [np.random.default_rng([seed, _STREAM, fault.number]) for fault in faults]
 
     def apply(self, time: float) -> None:
@@ -48,8 +52,6 @@ class DroneFaults:
         drones = self._drones
         for name, nominal in self._nominal.items():
             drones[name] = nominal
-        for name in _SHARES:
-            drones[name] = 1.0
         for fault, random in zip(self._faults, self._randoms, strict=True):
             if rows := list(fault.rows(time)):
                 self._apply(fault, rows, random)

@@ -29,6 +29,7 @@ RATE: Final = 0.1  # rad/s, the firmware's gyro noise
 VELOCITY_VARIANCE: Final = (ACCELERATION * CYCLE) ** 2 * (1 - FLOW_GAIN) / FLOW_GAIN
 POSITION_GROWTH: Final = CYCLE * VELOCITY_VARIANCE * (2 / FLOW_GAIN - 1)  # m²/s
 YAW_GROWTH: Final = RATE**2 * CYCLE  # rad²/s
+HEIGHT_STD: Final = 0.0025  # m, noise of the ranger
 START_STD: Final = 100.0  # m, the firmware's ``stdDevInitialPosition_xy``
 START_YAW_STD: Final = 0.01  # rad, the firmware's ``stdDevInitialAttitude_yaw``
 YAW: Final = 2  # column of the heading, after x and y
@@ -55,6 +56,15 @@ class Fusion:
     def start_unknown(self, rows: Rows | int | slice = slice(None)) -> None:
         """Restart with positions that are not known, as the firmware's filter does."""
         self._covariance[rows] = np.diag([START_STD**2, START_STD**2, START_YAW_STD**2])
+
+    def position_variance(self, drones: Drones, now: float) -> Array:
+        """Return the variances of the positions at `now`, s: (N, 3) m²; heights are ranged."""
+        planar = np.diagonal(self.covariance(drones, now), axis1=1, axis2=2)
+        return np.column_stack([planar[:, :2], np.full(len(planar), HEIGHT_STD**2)])
+
+    def velocity_variance(self, drones: Drones, _now: float) -> Array:
+        """Return the variances of the velocities, (N, 3) m²/s²: those at which they settle."""
+        return np.full((len(drones), 3), VELOCITY_VARIANCE)
 
     def covariance(self, drones: Drones, now: float) -> Array:
         """Return the (N, 3, 3) covariances of x, y (m) and heading (rad) at `now`, s.

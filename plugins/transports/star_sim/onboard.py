@@ -1,15 +1,16 @@
 """Positioning systems with receivers on board, by which the estimators know the map.
 
-What is simulated of each, and from where its numbers are, is in `ERRORS`. Heights stay those of the
-ranger of the Flow deck that every simulated drone has; receivers correct position and heading.
+What is simulated of each, and from where its numbers are, is in `ERRORS`. With a Flow deck heights
+stay those of its ranger, and receivers correct position and heading; without, they correct height,
+velocity and tilt too.
 """
 
 from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Mapping, Sequence
-from typing import Final, NamedTuple
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -25,12 +26,14 @@ from star_core.toolkit import (
 from star_sim.airframe import STEP
 from star_sim.drone import Drones
 from star_sim.fusion import Fusion
+from star_sim.inertial_fusion import InertialFusion, Ranges
 
 _STREAM: Final = 7351
 AXES: Final = 3
 SINGLE: Final = 3.0  # assumed: how much more positions err by one base station than by several
 MIN_GEOMETRY: Final = 1e-3  # of the ranges' geometry: anchors in a plane do not give its normal
 WALL_REACH: Final = 0.3  # m from a wall, at which its effect on ranges has decayed; assumed
+RANGE_STD: Final = 0.25  # m, that the firmware assumes of a range (``lpsTwrTag.c``)
 
 
 class Errors(NamedTuple):
@@ -77,7 +80,7 @@ class Onboard:
 
     Args:
         scene: World and seed.
-        fusion: Of the on-board estimators.
+        fusion: Of the on-board estimators: with or without a Flow deck.
         system: Name in `ERRORS`.
 
     Attributes:
@@ -86,9 +89,10 @@ class Onboard:
         next_step: Number of the step of 2 ms before which the next measurement is taken.
     """
 
-    def __init__(self, scene: Scene, fusion: Fusion, *, system: str) -> None:
+    def __init__(self, scene: Scene, fusion: Fusion | InertialFusion, *, system: str) -> None:
         n = len(scene.agents)
-        self._fusion = fusion
+        self._use: Callable[[Drones, Any, float], None] = fusion.take
+        self._ranges = system == "loco" and isinstance(fusion, InertialFusion)
         self._world, self._errors, self._name = scene.world, ERRORS[system], system
         self._system = SYSTEMS.get(system)
         beacons = () if self._system is None else self._system.beacons(scene.world)
@@ -102,7 +106,7 @@ class Onboard:
         self._yaw_bias = float(yaw_bias)
         self._keep = math.exp(-1 / (self._errors.rate * self._errors.change_time))
         self._taken = 0
-        self._late: deque[tuple[float, Corrections]] = deque()  # s, when it is used
+        self._late: deque[tuple[float, Corrections | Ranges]] = deque()  # s, when it is used
         self.faults: Sequence[Fault] = ()
         self.receives: Mask = np.ones(n, np.bool_)
         self.next_step = 0
@@ -115,10 +119,10 @@ class Onboard:
             self.next_step = math.ceil(self._taken / self._errors.rate / STEP - 1e-6)
             self._late.append((now + self._errors.latency, self.measured(drones, now)))
         if self._late and self._late[0][0] <= now + STEP / 2:
-            self._fusion.take(drones, self._late.popleft()[1], now)
+            self._use(drones, self._late.popleft()[1], now)
 
-    def measured(self, drones: Drones, now: float) -> Corrections:
-        """Return the positions of the drones that receive the system, map frame."""
+    def measured(self, drones: Drones, now: float) -> Corrections | Ranges:
+        """Return positions of the drones that receive the system, or their ranges; map frame."""
         errors = self._errors
         fresh = math.sqrt(1 - self._keep**2) * errors.bias
         self._bias = self._keep * self._bias + fresh * self._random.standard_normal(
@@ -126,6 +130,7 @@ class Onboard:
         )
         noise = errors.noise * self._random.standard_normal(self._bias.shape)
         position = np.array(drones["position"])
+        offset, lost = self._failing(len(position), now)
         if self._system is None:
             located, error = np.ones(len(position), np.bool_), self._bias + noise
         else:
@@ -133,12 +138,15 @@ class Onboard:
             located = heard.sum(axis=1) >= self._system.needed
             if self._name == "loco":
                 wall = errors.wall * np.exp(-nearest_surface(self._world, position) / WALL_REACH)
-                error = self._by_ranges(position, heard, self._bias + noise + wall[:, None])
+                ranged = self._bias + noise + wall[:, None]
+                if self._ranges:
+                    rows = np.flatnonzero(located & self.receives & ~lost)
+                    return self._of(rows, position + offset, heard, ranged)
+                error = self._by_ranges(position, heard, ranged)
             else:
                 count = np.maximum(heard.sum(axis=1), 1)[:, None]
                 error = heard @ self._geometry / count + noise
                 error[count[:, 0] == 1] *= SINGLE
-        offset, lost = self._failing(len(position), now)
         rows = np.flatnonzero(located & self.receives & ~lost & np.isfinite(error).all(axis=1))
         yaw = yaw_from_quaternion(drones["attitude"][rows]) + self._yaw_bias
         yaw_std = math.inf if math.isnan(errors.yaw_bias) else errors.yaw_bias
@@ -149,6 +157,12 @@ class Onboard:
             position_deviation=np.full(len(rows), errors.assumed),
             attitude_deviation=np.full(len(rows), yaw_std),
         )
+
+    def _of(self, rows: Rows, position: Array, heard: Mask, error: Array) -> Ranges:
+        """Return the ranges of some drones to the anchors that they hear, with errors (N, K), m."""
+        away = np.linalg.norm(position[:, None] - self._beacons, axis=-1)
+        distance = np.where(heard, away + error, np.nan)
+        return Ranges(rows, self._beacons, distance[rows], RANGE_STD)
 
     def _by_ranges(self, position: Array, heard: Mask, ranged: Array) -> Array:
         """Return the errors of positions, (N, 3) m, that errors of ranges cause, (N, K) m.

@@ -8,14 +8,20 @@ OPTIONS: dict[str, Any] = {
     "type": "object",
     "additionalProperties": False,
     "required": ["system"],
-    "description": "A positioning system whose receivers are on board, beside a Flow deck, for "
-    "localizer `onboard`; none if not given.",
+    "description": "A positioning system whose receivers are on board, for localizer `onboard`; "
+    "none if not given.",
     "examples": [{"system": "lighthouse"}],
     "properties": {
         "system": {
             "enum": ["lighthouse", "loco", "poses"],
             "description": "'lighthouse' or 'loco', with the base stations or anchors of the "
             "world, or 'poses' that another program sends.",
+        },
+        "flow_deck": {
+            "type": "boolean",
+            "default": True,
+            "description": "Whether a Flow deck measures heights and velocities too; without, they "
+            "are those of the positioning system and the IMU.",
         },
     },
 }

@@ -35,11 +35,12 @@ from star_sim.camera_sim.options import CameraOptions
 from star_sim.cascade import CONTROLLERS, Cascades, cascades
 from star_sim.contact import SWEEP, prisms
 from star_sim.discharge import HOVER_CURRENT, VOLTAGE_OF_CHARGE
-from star_sim.drone import OFF, know_map, standing
+from star_sim.drone import OFF, know_map, standing, without_flow_deck
 from star_sim.drone_faults import DroneFaults
 from star_sim.error_profile import ErrorProfile
 from star_sim.estimator import SAMPLE
 from star_sim.fusion import Fusion
+from star_sim.inertial_fusion import InertialFusion
 from star_sim.kernel import BLOCK, advance, report
 from star_sim.onboard import Onboard
 from star_sim.pieces import Piece, Queue, pieces_of
@@ -56,7 +57,6 @@ from star_sim.sensors import (
 )
 from star_sim.steering import Steering
 
-HEIGHT_STD = 0.0025  # m, that on-board estimators report beside receivers: noise of the ranger
 MIN_SWAP_CHARGE = 0.95  # fraction of full: batteries with more are not replaced
 
 
@@ -141,7 +141,7 @@ class Simulator:
             self._streams = noise_streams(scene.seed, n)
         self._order = np.argsort(self.drones["position"] @ SWEEP, kind="stable")
         self._keys = np.zeros(n)
-        self.fusion = Fusion(n)
+        self.fusion: Fusion | InertialFusion = Fusion(n)
         self._normals = np.zeros((BLOCK, n, 4))
         self._samples = np.zeros((BLOCK, n, SAMPLE))
         self._arrived: list[Array] = []  # (N, SAMPLE) of each cycle since the last `receive`
@@ -166,11 +166,14 @@ class Simulator:
         self._lands_by = np.full(n, np.inf)  # s, of what was commanded last to be flown on board
         self._faults: DroneFaults | None = None
 
-    def _receivers(self, system: str) -> Onboard | None:
+    def _receivers(self, *, system: str, flow_deck: bool = True) -> Onboard | None:
         """Return receivers of a positioning system, which estimates begin with; exact need none."""
         know_map(self.drones)
         if not self._noise:
             return None
+        if not flow_deck:
+            without_flow_deck(self.drones)
+            self.fusion = InertialFusion(len(self.drones))
         self.fusion.start_unknown()
         return Onboard(self._scene, self.fusion, system=system)
 
@@ -289,8 +292,7 @@ class Simulator:
         """Return the variances of the estimated positions, (N, 3) m²; None without receivers."""
         if self.onboard is None:
             return None
-        planar = np.diagonal(self.fusion.covariance(self.drones, now), axis1=1, axis2=2)
-        return frozen(np.column_stack([planar[:, :2], np.full(len(planar), HEIGHT_STD**2)]))
+        return frozen(self.fusion.position_variance(self.drones, now))
 
     def fixes(self) -> PoseFixes:
         """Return what the positioning system has measured, and has arrived since the last call."""

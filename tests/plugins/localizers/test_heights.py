@@ -42,10 +42,10 @@ mission:
 MOCAP = "transport={use: sim, positioning: {std: 0.002}}"
 
 
-def receives(system: str) -> tuple[str, ...]:
+def receives(system: str, flow_deck: str = "true") -> tuple[str, ...]:
     """Return the changes with which drones are located by a system on board."""
     return (
-        f"transport={{use: sim, onboard: {{system: {system}}}}}",
+        f"transport={{use: sim, onboard: {{system: {system}, flow_deck: {flow_deck}}}}}",
         f"localizer={{use: onboard, system: {system}}}",
     )
 
@@ -74,8 +74,9 @@ class Heights:
         (MOCAP, "localizer=mocap"),
         (MOCAP, "localizer={use: mocap, forward: extpose}"),
         *map(receives, ("lighthouse", "loco", "poses")),
+        receives("lighthouse", "false"),
     ],
-    ids=["flow", "mocap", "mocap forwarded", "lighthouse", "loco", "poses"],
+    ids=["flow", "mocap", "mocap forwarded", "lighthouse", "loco", "poses", "no Flow deck"],
 )
 def test_a_flight_over_a_table_keeps_its_height(changes: tuple[str, ...], tmp_path: Path) -> None:
     (tmp_path / "table.yaml").write_text(WORLD)

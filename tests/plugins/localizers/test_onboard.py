@@ -9,14 +9,25 @@ from typing import Any
 import numpy as np
 import pytest
 
-from star_core import Agent, Array, InputError, Problem, Registry, Scene, Telemetry, World, load
+from star_core import (
+    Agent,
+    Array,
+    Corrections,
+    InputError,
+    Problem,
+    Registry,
+    Scene,
+    Telemetry,
+    World,
+    load,
+)
 from star_core.commands.main import main
 from star_core.formats import check_file, code_of
 from star_core.testing import scene
 from star_core.toolkit import SYSTEMS, Beacon, covered, fill_defaults, nearest_surface, received
 from star_onboard import OPTIONS, check
 from star_onboard.localizer import Onboard
-from star_onboard.systems import STD, expected_std, is_covered
+from star_onboard.systems import INERTIAL_STD, STD, expected_std, is_covered
 from star_sim.fusion import Fusion
 from star_sim.onboard import ERRORS
 from star_sim.onboard import Onboard as Receivers
@@ -119,7 +130,7 @@ def test_reports_are_positions_in_the_map() -> None:
     assert estimate.position.tolist() == [[3.0, 4.0, 1.0]]
     assert estimate.yaw == pytest.approx([1.0])
     assert estimate.map_from_odom.apply(np.array([[1.0, 2.0, 3.0]])).tolist() == [[1.0, 2.0, 3.0]]
-    assert estimate.covariance[0, 0, 0] == pytest.approx(STD["lighthouse"] ** 2)
+    assert estimate.covariance[0, 0, 0] == pytest.approx(STD["lighthouse"].planar ** 2)
     assert estimate.valid.all()
 
 
@@ -130,7 +141,7 @@ def test_an_estimator_that_does_not_know_where_it_is_locates_no_agent() -> None:
     assert estimate.valid.tolist() == [False, False, True]
     assert estimate.position.tolist() == [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [5.0, 5.0, 1.0]]
     assert estimate.velocity.tolist() == [[0.0] * 3, [0.0] * 3, [1.0] * 3]
-    assert estimate.covariance[2, 0, 0] == pytest.approx(0.05**2 + STD["lighthouse"] ** 2)
+    assert estimate.covariance[2, 0, 0] == pytest.approx(0.05**2 + STD["lighthouse"].planar ** 2)
     assert estimate.messages == ("estimators do not know the positions of cf0, cf1",)
 
 
@@ -140,6 +151,26 @@ def test_agents_that_are_located_again_are_reported() -> None:
     estimate = plugin.locate(telemetry(position, np.full((1, 3), 1e-4)))
     assert estimate.messages == ("estimators know the positions of cf0 again",)
     assert plugin.locate(telemetry(position, np.full((1, 3), 1e-4))).messages == ()
+
+
+@pytest.mark.parametrize(
+    ("flow_deck", "height_std", "std", "located"),
+    [
+        (True, None, STD["loco"].vertical, False),
+        (False, None, INERTIAL_STD["loco"].vertical, True),
+        (False, 0.3, 0.3, True),
+    ],
+)
+def test_without_a_flow_deck_heights_err_as_the_system(
+    height_std: float | None, std: float, *, flow_deck: bool, located: bool
+) -> None:
+    options = fill_defaults({"system": "loco", "height_std": height_std}, OPTIONS)
+    plugin = Onboard(replace(agents(1), flow_deck=flow_deck), **options)
+    reported = np.array([[0.05**2, 0.05**2, 0.15**2]])
+    estimate = plugin.locate(telemetry(np.array([[0.0, 0.0, 1.0]]), reported))
+    assert estimate.valid.tolist() == [located]
+    known = 0.15**2 if located else 0.0
+    assert estimate.covariance[0, 2, 2] == pytest.approx(known + std**2)
 
 
 def found(scene: Scene, system: str) -> list[tuple[str, bool]]:
@@ -172,8 +203,9 @@ def test_localizers_that_expect_odometry_are_refused() -> None:
 
 def test_expected_errors_are_those_of_the_system() -> None:
     path = np.zeros((4, 1, 3))
-    std = expected_std(scene(1), np.arange(4.0), path, path[..., 0], system="loco")
-    assert std.tolist() == [[STD["loco"]]] * 4
+    for flies, table in ((scene(1), STD), (replace(scene(1), flow_deck=False), INERTIAL_STD)):
+        std = expected_std(flies, np.arange(4.0), path, path[..., 0], system="loco")
+        assert std.tolist() == [[table["loco"].planar]] * 4
     assert is_covered(scene(1), path[:, 0], system="poses").all()
 
 
@@ -187,6 +219,7 @@ def test_simulated_errors_are_those_of_the_table() -> None:
         for stations in ((STATION,), (STATION, other)):
             here = replace(scene(1), seed=seed, world=room(base_stations=stations))
             fixes = Receivers(here, Fusion(1), system="lighthouse").measured(drones, 0.0)
+            assert isinstance(fixes, Corrections)
             errors[len(stations)] += (fixes.position - drones["position"]).ravel().tolist()
     bias = ERRORS["lighthouse"].bias
     assert np.std(errors[1]) == pytest.approx(3 * bias, rel=0.1)
@@ -194,15 +227,37 @@ def test_simulated_errors_are_those_of_the_table() -> None:
 
 
 @pytest.mark.parametrize(
-    ("system", "most"), [("lighthouse", 0.05), ("loco", 0.16), ("poses", 0.02)]
+    ("system", "most", "along_z"),
+    [
+        ("lighthouse", 0.05, 0.02),
+        ("loco", 0.16, 0.02),
+        ("poses", 0.02, 0.02),
+        ("lighthouse, no Flow deck", 0.05, 0.04),
+        ("loco, no Flow deck", 0.2, 0.16),
+        ("poses, no Flow deck", 0.02, 0.01),
+    ],
 )
-def test_flights_are_as_accurate_as_the_system(system: str, most: float) -> None:
-    assert onboard.of_system(SEED, system).rms <= most
+def test_flights_are_as_accurate_as_the_system(system: str, most: float, along_z: float) -> None:
+    accuracy = onboard.of_system(SEED, system)
+    assert accuracy.rms <= most
+    assert accuracy.along_z <= along_z
 
 
-@pytest.mark.parametrize("holds", onboard.HOLDS)
-def test_what_receivers_lose_is_noticed(holds: onboard.Holds) -> None:
-    assert holds(SEED)
+def test_heights_by_loco_alone_are_its_worst_axis() -> None:
+    accuracy = onboard.of_system(SEED, "loco, no Flow deck")
+    assert accuracy.along_z**2 > 2 * (accuracy.rms**2 - accuracy.along_z**2) / 2
+
+
+@pytest.mark.parametrize("name", onboard.HOLDS)
+def test_what_receivers_lose_is_noticed(name: str) -> None:
+    assert onboard.HOLDS[name](SEED)
+
+
+def test_radio_missions_declare_drones_without_flow_decks() -> None:
+    uris = [f"swarm.cf{row}.uri=udp://127.0.0.1:{19850 + row}" for row in (1, 2)]
+    transport = "transport={use: radio, flow_deck: false}"
+    flies = load(onboard.LOCO, Registry(), [transport, *uris]).scene
+    assert (flies.flow_deck, flies.heights_above_surface) == (False, False)
 
 
 def test_the_plan_names_base_stations(capsys: pytest.CaptureFixture[str]) -> None:

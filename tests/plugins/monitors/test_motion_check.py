@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
-from star_core import Array, Telemetry
-from star_core.toolkit import quaternion_from_euler
+from star_core import AgentPhase, Array, Estimate, Telemetry, Transform
+from star_core.testing import scene
+from star_core.toolkit import TickState, quaternion_from_euler
 from star_monitors.drag_check import DRAG
+from star_monitors.flow_monitor import FlowMonitor
 from star_monitors.motion_check import GRAVITY, MotionCheck
 
 PERIOD = 0.05  # s
@@ -117,3 +121,23 @@ def test_the_drag_corrects_the_velocity_of_one_that_was_found() -> None:
         check.check(report(k * PERIOD, 0.5, DRAG * 0.5, 0), AIRBORNE)
         check.correct(np.array([[missing.real, missing.imag]]))
     assert check.errors()[1][0, :2] == pytest.approx([0.2, -0.1], abs=0.05)
+
+
+@pytest.mark.parametrize("flow_deck", [True, False])
+def test_agents_without_flow_decks_are_not_judged(*, flow_deck: bool) -> None:
+    monitor = FlowMonitor(dataclasses.replace(scene(1), flow_deck=flow_deck))
+    reports: list[object] = []
+    for k in range(100):
+        heard = report(k * PERIOD, 0.5 * (k > 30), 1.5 * (k > 30) + 1e-6, 0)
+        state = TickState(heard, np.array([AgentPhase.FLYING]), np.zeros(1, np.bool_))
+        state.estimate = Estimate(
+            time=heard.time,
+            position=heard.position,
+            velocity=heard.velocity,
+            yaw=np.zeros(1),
+            covariance=np.zeros((1, 3, 3)),
+            valid=AIRBORNE,
+            map_from_odom=Transform(np.zeros(1), np.zeros((1, 3))),
+        )
+        reports += monitor.check(state)
+    assert bool(reports) == flow_deck

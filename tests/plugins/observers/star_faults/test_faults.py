@@ -311,6 +311,18 @@ def test_sensor_faults_need_simulated_sensors(tmp_path: Path) -> None:
         flown(tmp_path, {"component": "flow", "mode": "off"}, transport=exact)
 
 
+def test_drones_without_flow_decks_have_no_faults_of_theirs(tmp_path: Path) -> None:
+    ranging = {"use": "sim", "onboard": {"system": "poses", "flow_deck": False}}
+    for component in ("flow", "ranger"):
+        with pytest.raises(Exception, match=f"no faults of {component} without Flow decks"):
+            flown(
+                tmp_path,
+                {"component": component, "mode": "off"},
+                transport=ranging,
+                localizer={"use": "onboard", "system": "poses"},
+            )
+
+
 def test_an_empty_battery_drops_the_drone(tmp_path: Path) -> None:
     empty = {"component": "battery", "mode": "wrong", "charge": 0.0, "agents": "cf1", "at": 4}
     flight = flown(tmp_path, empty)

@@ -80,6 +80,27 @@ def test_missing_stations_are_errors_if_they_locate(needs_map: bool, severity: s
     assert found["positioning"].severity == severity
 
 
+@pytest.mark.parametrize("attached", [False, True])
+@pytest.mark.parametrize("expected", [False, True])
+def test_flow_decks_unlike_in_the_mission_are_named(*, attached: bool, expected: bool) -> None:
+    decks = ("Flow2", "Lighthouse4") if attached else ("Lighthouse4",)
+    drone = dataclasses.replace(FIT, equipment=Equipment(decks, self_test=True))
+    for needs_map in (False, True):
+        listed = preflight.readiness(
+            AGENT,
+            drone,
+            camera=False,
+            battery_low=3.2,
+            placement=None,
+            needs_map=needs_map,
+            flow_deck=expected,
+        )
+        [found] = [finding for finding in listed if finding.check == "decks"]
+        differs = needs_map and attached != expected
+        assert found.severity == (Severity.WARNING if differs else Severity.OK)
+        assert (f"flow_deck: {str(attached).lower()}" in found.remedy) == differs
+
+
 def test_each_injected_fault_is_named_and_no_other(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
