@@ -118,13 +118,15 @@ def _short_collections(scene: Scene) -> Iterator[None]:
 
     A full collection examines some 180,000 objects otherwise, which takes longer than a tick.
     """
-    before = gc.get_freeze_count()
-    if scene.realtime:
-        gc.freeze()
+    if not scene.realtime:
+        yield
+        return
+    before = gc.get_freeze_count()  # by counting them one by one
+    gc.freeze()
     try:
         yield
     finally:
-        if scene.realtime and not before:
+        if not before:
             gc.unfreeze()
 
 
