@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import logging
 import time
@@ -24,6 +25,7 @@ CONNECT_TIMEOUT: Final = 10.0  # s
 CLOSE_TIMEOUT: Final = 2.0  # s
 POLL_INTERVAL: Final = 0.2  # s, between checks for an interrupt
 REFRESH_PERIOD: Final = 1.0  # s, between updates of the list of workers
+REMEDY: Final = "install the same version of star-swarm[cluster] on every machine"
 QUEUED: Final = 2  # runs for each thread of a worker: one waits while the other is flown
 
 
@@ -31,7 +33,8 @@ class Cluster:
     """Flies runs on the workers of a Dask cluster.
 
     Runs are texts, flown by a function of an installed module. Dask decides where, and flies those
-    of a worker that dies elsewhere. A worker with other code is named, and gets no further runs.
+    of a worker that dies elsewhere. A worker on which STAR cannot be imported, or with other code,
+    is named and gets no further runs.
 
     Args:
         registry: Of the plugins.
@@ -73,6 +76,8 @@ class Cluster:
             wrong = f"scheduler {self.name}: cannot be reached: {str(error) or 'no answer'}"
             raise InputError(wrong, "unreachable-scheduler") from error
         self._threads: dict[str, int] = {}  # by the addresses of workers
+        self._imports: dict[str, Any] = {}  # by address: futures that import STAR there
+        self._ready: set[str] = set()  # addresses of workers on which that succeeded
         self._different: set[str] = set()  # addresses of workers
         self._refreshed = -REFRESH_PERIOD
         self._refresh()
@@ -89,7 +94,7 @@ class Cluster:
     ) -> Generator[tuple[int, Result]]:
         executor = self._client.get_executor(pure=False)
         waiting = deque(range(len(jobs)))
-        flying: dict[Future[str], int] = {}
+        flying: dict[Future[str], tuple[int, list[str]]] = {}  # with the addresses it may go to
         finished: SimpleQueue[Future[str]] = SimpleQueue()
         try:
             while waiting or flying:
@@ -98,16 +103,24 @@ class Cluster:
                 self._refresh()
                 if self._client.status != "running":
                     raise self._lost()
+                for future, (index, addresses) in list(flying.items()):
+                    if self._threads.keys().isdisjoint(addresses):  # all of them are lost
+                        del flying[future]
+                        future.cancel()
+                        waiting.appendleft(index)
                 while waiting and len(flying) < QUEUED * self._capacity():
                     index = waiting.popleft()
                     files = self._basis.files(jobs[index].mission)
                     order = order_of(jobs[index], files, time_limit).text()
-                    future = executor.submit(self._task, order, **self._restriction())
-                    flying[future] = index
+                    addresses = self._usable()
+                    future = executor.submit(self._task, order, workers=addresses)
+                    flying[future] = index, addresses
                     future.add_done_callback(finished.put)
                 with suppress(Empty):
                     future = finished.get(timeout=POLL_INTERVAL)
-                    index = flying.pop(future)
+                    if future not in flying:  # cancelled
+                        continue
+                    index, _ = flying.pop(future)
                     if (result := self._result(future)) is None:
                         waiting.appendleft(index)
                     else:
@@ -139,7 +152,7 @@ class Cluster:
         result = Result(*content)
         if result.outcome != DIFFERS:
             return result
-        self._exclude(address, result.reason)
+        self._exclude(address, f"it differs in {result.reason}")
         return None
 
     def _lost(self) -> StarError:
@@ -153,26 +166,43 @@ class Cluster:
         """
         if address not in self._different:
             self._different.add(address)
-            log(f"star: worker {address} differs, its runs go to others: {why}")
+            log(f"star: worker {address} is left out: {why}")
         self._refreshed = -REFRESH_PERIOD
         self._refresh()
-        if self._threads and not self._capacity():
-            wrong = f"scheduler {self.name}: all workers differ, the last one in {why}"
+        if self._threads and self._threads.keys() <= self._different:
+            wrong = f"scheduler {self.name}: no worker can fly these runs; the last one: {why}"
             raise StarError(wrong, "different-worker")
 
     def _refresh(self) -> None:
-        """Update the list of workers, at most once per `REFRESH_PERIOD`."""
-        if time.monotonic() - self._refreshed < REFRESH_PERIOD:
-            return
-        workers = self._client.scheduler_info(n_workers=-1)["workers"]
-        self._threads = {address: worker["nthreads"] for address, worker in workers.items()}
-        self._refreshed = time.monotonic()
+        """Update the list of workers, at most once per `REFRESH_PERIOD`, and those that are ready.
+
+        Raises:
+            StarError: STAR cannot be imported on any worker.
+        """
+        if time.monotonic() - self._refreshed >= REFRESH_PERIOD:
+            self._refreshed = time.monotonic()
+            workers = self._client.scheduler_info(n_workers=-1)["workers"]
+            if self._threads and not workers:
+                log(f"star: scheduler {self.name} has lost all workers; runs wait for others")
+            self._threads = {address: worker["nthreads"] for address, worker in workers.items()}
+            for address in self._threads.keys() - self._imports.keys():
+                self._imports[address] = self._client.submit(
+                    importlib.import_module, self._task.__module__, workers=[address], pure=False
+                )
+        for address in self._threads.keys() - self._ready - self._different:
+            imported = self._imports[address]
+            if imported.status == "finished":
+                self._ready.add(address)
+            elif imported.status == "error":
+                error = imported.exception()
+                self._exclude(address, f"STAR cannot be imported there: {error}; {REMEDY}")
+
+    def _usable(self) -> list[str]:
+        """Return the addresses of the workers that runs may go to.
+
+        Dask ends a worker that receives a function of a module that it cannot import.
+        """
+        return [a for a in self._threads if a in self._ready and a not in self._different]
 
     def _capacity(self) -> int:
-        return sum(n for address, n in self._threads.items() if address not in self._different)
-
-    def _restriction(self) -> dict[str, Any]:
-        """Return the arguments by which Dask uses the workers that do not differ."""
-        if not self._different:
-            return {}
-        return {"workers": [a for a in self._threads if a not in self._different]}
+        return sum(self._threads[address] for address in self._usable())

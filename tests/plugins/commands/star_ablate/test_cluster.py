@@ -215,18 +215,27 @@ def test_a_worker_with_other_code_is_named_and_left_out(
     join(tmp_path / "broken")
     assert {result.outcome for _, result in runs} == {"completed"}
     text = capsys.readouterr().err
-    assert "differs, its runs go to others: plugin 'star-wrecker:wrecker'\n" in text
+    assert "is left out: it differs in plugin 'star-wrecker:wrecker'\n" in text
+    assert "is left out: STAR cannot be imported there: not installed; install" in text
 
 
+@pytest.mark.parametrize(
+    ("module", "content", "why"),
+    [
+        ("star_wrecker", WRECKER + "\n# edited\n", "it differs in plugin 'star-wrecker:wrecker'"),
+        ("star_ablate", "raise ImportError('not installed')", "STAR cannot be imported there"),
+    ],
+)
 def test_without_a_worker_of_the_same_code_nothing_flies(
-    tmp_path: Path, jobs: Callable[[str, int], list[Job]]
+    module: str, content: str, why: str, tmp_path: Path, jobs: Callable[[str, int], list[Job]]
 ) -> None:
-    other = install(tmp_path / "other", WRECKER + "\n# edited\n")
+    other = install(tmp_path / "other", WRECKER)
+    (other / f"{module}.py").write_text(content)
     (tmp_path / "logs").mkdir()
     with scheduler(tmp_path / "logs") as (address, _):
         program = worker(tmp_path / "logs", address, other)
         try:
-            with pytest.raises(StarError, match=r"all workers differ.*'star-wrecker:wrecker'"):
+            with pytest.raises(StarError, match=f"no worker can fly.*{why}"):
                 list(flights(address, jobs(NAP, 2)))
         finally:
             program.end()
