@@ -172,7 +172,7 @@ def site(_folder: Path) -> None:
     pages = [file for file in sorted(built.rglob("*.html")) if file.parent.name not in MANY]
     pages += [min((built / folder).glob("*.html")) for folder in MANY.values()]
     for scheme in SCHEMES:
-        with Chromium("about:blank", *_dark(scheme)) as page:
+        with Chromium(pages[0].as_uri(), *_dark(scheme)) as page:  # a file leads to others
             for file in pages if scheme == SCHEMES[0] else [built / "index.html"]:
                 address = file.as_uri()
                 page.run(f"location.href = {address!r}")

@@ -115,7 +115,11 @@ class Scope:
             _NotKnown: It has none; that is reported if it should have.
         """
         if name not in self.names:
-            self._findings.report(at, *self._unknown(name, self.names))
+            if name.startswith("{"):  # as in a shell
+                wrong = f"write `$({name.strip('{} ')})`, in parentheses", "invalid-expression"
+            else:
+                wrong = self._unknown(name, self.names)
+            self._findings.report(at, *wrong)
             raise _NotKnown
         if name not in self._values and self._outer is not None:
             return self._outer.find(name, at)
