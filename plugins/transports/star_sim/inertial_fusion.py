@@ -23,6 +23,7 @@ VERTICAL_ACCELERATION: Final = 1.0  # m/s², the firmware's process noise along 
 START_HEIGHT_STD: Final = 1.0  # m, the firmware's ``stdDevInitialPosition_z``
 START_VELOCITY_STD: Final = 0.01  # m/s, the firmware's ``stdDevInitialVelocity``
 START_TILT_STD: Final = 0.01  # rad, the firmware's ``stdDevInitialAttitude_rollpitch``
+CLOSEST: Final = 0.1  # m from an anchor: nearer, the direction of a range is not defined
 
 # Errors in the frame of the estimate: x, y and z of the position, m, of the velocity, m/s, and of
 # the acceleration by a wrong tilt, m/s² (none along z), and the heading, rad.
@@ -148,9 +149,6 @@ class InertialFusion:
             carried[:, chain, chain] += VELOCITY_GROWTH[axis] * _growth(passed, 2)
         carried[:, YAW, YAW] += YAW_GROWTH * passed
         return carried
-
-
-CLOSEST: Final = 0.1  # m from an anchor: nearer, the direction of a range is not defined
 
 
 class _Change:

@@ -92,7 +92,7 @@ class Onboard:
     def __init__(self, scene: Scene, fusion: Fusion | InertialFusion, *, system: str) -> None:
         n = len(scene.agents)
         self._use: Callable[[Drones, Any, float], None] = fusion.take
-        self._ranges = system == "loco" and isinstance(fusion, InertialFusion)
+        self._ranging = system == "loco" and isinstance(fusion, InertialFusion)
         self._world, self._errors, self._name = scene.world, ERRORS[system], system
         self._system = SYSTEMS.get(system)
         beacons = () if self._system is None else self._system.beacons(scene.world)
@@ -139,9 +139,9 @@ class Onboard:
             if self._name == "loco":
                 wall = errors.wall * np.exp(-nearest_surface(self._world, position) / WALL_REACH)
                 ranged = self._bias + noise + wall[:, None]
-                if self._ranges:
+                if self._ranging:
                     rows = np.flatnonzero(located & self.receives & ~lost)
-                    return self._of(rows, position + offset, heard, ranged)
+                    return self._ranges(rows, position + offset, heard, ranged)
                 error = self._by_ranges(position, heard, ranged)
             else:
                 count = np.maximum(heard.sum(axis=1), 1)[:, None]
@@ -158,7 +158,7 @@ class Onboard:
             attitude_deviation=np.full(len(rows), yaw_std),
         )
 
-    def _of(self, rows: Rows, position: Array, heard: Mask, error: Array) -> Ranges:
+    def _ranges(self, rows: Rows, position: Array, heard: Mask, error: Array) -> Ranges:
         """Return the ranges of some drones to the anchors that they hear, with errors (N, K), m."""
         away = np.linalg.norm(position[:, None] - self._beacons, axis=-1)
         distance = np.where(heard, away + error, np.nan)
