@@ -200,6 +200,7 @@ class TaskOutput:
         status: Of the task.
         reason: Why it failed.
         messages: Lines for the log and the record, such as what the task waits for; each once.
+        parameters: Of its agents' firmware to set, by ``group.name``, sent once.
     """
 
     goals: Goals | None = None
@@ -207,6 +208,7 @@ class TaskOutput:
     status: Status = Status.RUNNING
     reason: str = ""
     messages: tuple[str, ...] = ()
+    parameters: Mapping[str, float] | None = None
 
 
 @runtime_checkable

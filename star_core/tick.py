@@ -413,6 +413,8 @@ class ControlLoop:
                 self._landing.request(command)
             else:
                 self._vehicles.send_command(command, estimate)
+        for rows, values in instructions.parameters:
+            self._pipeline.set_parameters(rows, values)
         self._landing.land(sorted(instructions.leave))
 
     def _near(self, estimate: Estimate) -> Pairs:

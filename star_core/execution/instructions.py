@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+import math
+from collections.abc import Collection, Mapping
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -33,6 +34,7 @@ class Instructions(NamedTuple):
         doing: The running steps.
         leave: Agents that are to land and leave the mission.
         free: Agents whose step is over or that left it: what they fly on board is aborted.
+        parameters: Of agents' firmware to set: rows and values of each step that sets some.
     """
 
     goals: Goals
@@ -40,6 +42,7 @@ class Instructions(NamedTuple):
     doing: tuple[str, ...] = ()
     leave: frozenset[int] = frozenset()
     free: frozenset[int] = frozenset()
+    parameters: tuple[tuple[tuple[int, ...], Mapping[str, float]], ...] = ()
 
 
 class GoalDraft:
@@ -138,6 +141,7 @@ class Draft:
         doing: The running steps.
         leave: Agents that are to land and leave the mission.
         free: Agents whose step is over or that left it.
+        parameters: As in `Instructions`.
     """
 
     def __init__(self, instructions: Instructions) -> None:
@@ -146,6 +150,7 @@ class Draft:
         self.doing = [*instructions.doing]
         self.leave = {*instructions.leave}
         self.free = {*instructions.free}
+        self.parameters = [*instructions.parameters]
 
     def add(
         self,
@@ -175,6 +180,9 @@ class Draft:
             goals = require_type(output.goals, Goals)
             self.goals.take(goals, (check or GoalCheck()).rows(goals, members))
         self.commands += output.commands
+        if output.parameters is not None:
+            _check_parameters(output.parameters)
+            self.parameters.append((tuple(np.flatnonzero(members).tolist()), output.parameters))
         return output
 
     def finish(self) -> Instructions:
@@ -185,7 +193,14 @@ class Draft:
             tuple(self.doing),
             frozenset(self.leave),
             frozenset(self.free),
+            tuple(self.parameters),
         )
+
+
+def _check_parameters(parameters: Mapping[str, float]) -> None:
+    """Check that parameters of firmware are numbers."""
+    if not all(map(math.isfinite, parameters.values())):
+        raise ContractError(f"TaskOutput.parameters is {parameters!r}, expected numbers")
 
 
 class GoalCheck:

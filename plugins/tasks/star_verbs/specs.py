@@ -114,6 +114,18 @@ _MOVING = {
     "description": "Whether the goal moves with the agent of 'relative_to'; if false or not given, "
     "it is that at the start of the step.",
 }
+COLORS: Final = {
+    "off": "#000000",
+    "white": "#ffffff",
+    "red": "#ff0000",
+    "orange": "#ff8000",
+    "yellow": "#ffff00",
+    "green": "#00ff00",
+    "cyan": "#00ffff",
+    "blue": "#0000ff",
+    "magenta": "#ff00ff",
+}
+"""Colors by name, as ``#rrggbb``."""
 SPECS: Final[tuple[TaskSpec, ...]] = (
     TaskSpec(
         name="takeoff",
@@ -250,4 +262,24 @@ SPECS: Final[tuple[TaskSpec, ...]] = (
     ),
     FOLLOW,
     FORMATION,
+    TaskSpec(
+        name="light",
+        after="same",
+        summary="Set the color of the drones' light decks.",
+        make=deferred("star_verbs.light:Light"),
+        options={
+            "type": "object",
+            "required": ["color"],
+            "properties": {
+                "color": {
+                    "type": "string",
+                    "pattern": f"^(#[0-9A-Fa-f]{{6}}|{'|'.join(COLORS)})$",
+                    "patternErrorMessage": f"expected '#rrggbb' or one of {', '.join(COLORS)}",
+                    "description": f"Color: {', '.join(COLORS)}, or '#rrggbb' in quotes.",
+                    "examples": ["red"],
+                },
+            },
+            "examples": [{"color": "red"}],
+        },
+    ),
 )
