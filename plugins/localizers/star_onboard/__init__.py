@@ -38,8 +38,8 @@ OPTIONS: dict[str, Any] = {
         },
         "height_std": {
             **DEVIATION,
-            "description": "Likewise along z; null is 0.01 with a Flow deck, and without 0.014 for "
-            "Lighthouse, 0.075 for Loco and 0.005 for poses.",
+            "description": "Likewise along z, m; null is 0.01 with a Flow deck, and without 0.014 "
+            "for Lighthouse, 0.075 for Loco and 0.005 for poses.",
         },
         "max_std": {
             **DEVIATION,
