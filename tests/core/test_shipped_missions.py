@@ -41,8 +41,11 @@ def verbs(steps: list[dict[str, Any]]) -> Iterator[str]:
     for step in steps:
         for verb, options in step.items():
             yield verb
-            inner = options if isinstance(options, list) else options.get("steps", [])
-            yield from verbs(inner)
+            lists = [options]
+            if isinstance(options, dict):
+                lists = [options.get(key, []) for key in ("steps", "then", "else")]
+            for inner in lists:
+                yield from verbs(inner)
 
 
 def test_first_flight_notes_its_hardware_requirements() -> None:
