@@ -123,7 +123,8 @@ def _numbers(head: str, cells: Sequence[str], width: int | None) -> _Column:
         return _Column([head], [[cell] for cell in cells], right=True)
     lines = [cell.replace(" [", "\n[").split("\n") for cell in cells]
     widest = max(len(line) for cell in lines for line in cell)
-    return _Column(wrap(head, max(widest, *map(len, head.split()))), lines, right=True)
+    words = head.replace("-", "- ").split()
+    return _Column(wrap(head, max(widest, *map(len, words))), lines, right=True)
 
 
 def _width(columns: Sequence[_Column]) -> int:

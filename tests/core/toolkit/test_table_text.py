@@ -52,3 +52,9 @@ def test_measures_that_do_not_fit_follow_below() -> None:
     assert len(heads) == 2
     assert "[0.591, 0.821]" in text(45)
     assert "[14.2, 14.3]" in text(45)
+
+
+def test_names_stay_whole_beside_measures_with_hyphens() -> None:
+    head = ("agent-obstacle collisions", "")
+    table = ReportTable("", "", ["scenario", "positions"], [head], [["crossing", "bounded", "0"]])
+    assert "scenario  positions  collisions" in list(table_lines(table, 31))
