@@ -57,4 +57,4 @@ def test_measures_that_do_not_fit_follow_below() -> None:
 def test_names_stay_whole_beside_measures_with_hyphens() -> None:
     head = ("agent-obstacle collisions", "")
     table = ReportTable("", "", ["scenario", "positions"], [head], [["crossing", "bounded", "0"]])
-    assert "scenario  positions  collisions" in list(table_lines(table, 31))
+    assert "scenario  positions  collisions" in list(table_lines(table, 34))
