@@ -33,6 +33,7 @@ KINDS: Final = {
     "`agents`, `until`, `timeout` and `on_failure`.",
 }
 WRITE: Final = {kind: f"../plugins/{kind}.md" for kind in KINDS} | {"task": "../plugins/verb.md"}
+ABOUT: Final = {"sim": "simulator.md", "radio": "hardware.md"}  # pages on transports
 
 GROUPS: Final = {  # page, title, and prefixes of the modules whose public names it has
     "flights": (
@@ -78,8 +79,8 @@ def options_page(kind: str, offers: Mapping[str, Any]) -> str:
     methods = (ROOT / "docs" / "methods.md").read_text("utf-8")
     for name, offer in offers.items():
         lines += ["", f"## `{name}`", "", offer.summary, ""]
-        if f"\n### `{name}`\n" in methods:
-            lines += [f"[How it works, and when to use it](../methods.md#{name})", ""]
+        page = ABOUT.get(name, f"methods.md#{name}" * (f"\n### `{name}`\n" in methods))
+        lines += [f"[How it works, and when to use it](../{page})", ""] if page else []
         lines += table(offer.options)
         lines += [
             line
