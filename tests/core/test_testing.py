@@ -36,6 +36,7 @@ from tests.core.robots import Robots
 
 WALL = Obstacle("wall", (((7.0, -6.0), (7.2, -6.0), (7.2, 6.0), (7.0, 6.0)),), (0.0, 3.0))
 OPTIONS: dict[str, dict[str, Any]] = {
+    "light": {"color": "red"},
     "sim": {"profile": "ideal", "controller": "ideal"},
     "apriltag": {"processes": 0},
     "goto": {"by": [0.0, 0.0, 0.1]},

@@ -18,14 +18,14 @@ class Light:
     Drones without such a deck, and simulations, show nothing.
     """
 
-    def __init__(self, _scene: Scene, _rows: tuple[int, ...], *, color: str) -> None:
+    def __init__(self, scene: Scene, rows: tuple[int, ...], *, color: str) -> None:
         rgb = int(COLORS.get(color, color)[1:], 16)
         red, green, blue = rgb.to_bytes(3, "big")
         solid = {"ring.solidRed": red, "ring.solidGreen": green, "ring.solidBlue": blue}
         self._parameters = {"ring.effect": SOLID_COLOR, **solid, **dict.fromkeys(COLOR_DECKS, rgb)}
 
-    def begin(self, _estimate: Estimate, _health: Health) -> float:
+    def begin(self, estimate: Estimate, health: Health) -> float:
         return TIMEOUT
 
-    def step(self, _estimate: Estimate, _health: Health) -> TaskOutput:
+    def step(self, estimate: Estimate, health: Health) -> TaskOutput:
         return TaskOutput(status=Status.SUCCESS, parameters=self._parameters)
