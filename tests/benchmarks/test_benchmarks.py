@@ -139,7 +139,7 @@ SCRIPTS = {
     "planner": Small(sizes={"POLYGONS": 4, "ROUNDS": 1, "BUILDS": 1, "QUERIES": 5}),
     "radio": Small(
         sizes={"MANY": 2, "FEW": 1, "ROUNDS": 1, "TICKS": 10},
-        campaign="four processes in real time",
+        campaign="a minute, of which most is waiting",
         needs=("cflib",),
     ),
     "real_flights": Small("{flights} --json"),
@@ -162,8 +162,7 @@ SCRIPTS = {
     ),
     "soak": Small(
         "--json --minutes 0.1 --drones 2",
-        {"MAX_JITTER": 1e3},  # of a busy machine
-        campaign="five processes in real time",
+        {"MAX_JITTER": 1e3, "MAX_SLIP": 10.0, "CLOSING": 1000},  # busy, and nothing has grown yet
     ),
     "startup": Small("--json --rounds 1", {"first_flight": dict}),  # no cold start
     "study": Small("--json --only plan memory", {"RUNS": 40, "PLANS": ((4, 2),)}),
@@ -171,7 +170,6 @@ SCRIPTS = {
         "--json --only cluster",
         {"RUNS": 40, "WORKERS": 4, "NAP": 0.02, "PROCESSES": 1},
         needs=("distributed",),
-        campaign="processes of Dask",
     ),
     "tick": Small("--json --agents 40"),
     "tick_cost": Small("--json --agents 3 --flights 1", {"ROUNDS": 1}),
