@@ -28,9 +28,12 @@ from star_core.toolkit import SYSTEMS, Beacon, covered, fill_defaults, nearest_s
 from star_onboard import OPTIONS, check
 from star_onboard.localizer import Onboard
 from star_onboard.systems import INERTIAL_STD, STD, expected_std, is_covered
+from star_sim import OPTIONS as SIMULATED
+from star_sim import simulator_arguments
 from star_sim.fusion import Fusion
 from star_sim.onboard import ERRORS
 from star_sim.onboard import Onboard as Receivers
+from star_sim.transport import Simulator
 from tests.campaign import onboard
 
 SEED = onboard.SEED + 500
@@ -254,11 +257,39 @@ def test_what_receivers_lose_is_noticed(name: str) -> None:
     assert onboard.HOLDS[name](SEED)
 
 
-def test_radio_missions_declare_drones_without_flow_decks() -> None:
-    uris = [f"swarm.cf{row}.uri=udp://127.0.0.1:{19850 + row}" for row in (1, 2)]
-    transport = "transport={use: radio, flow_deck: false}"
-    flies = load(onboard.LOCO, Registry(), [transport, *uris]).scene
-    assert (flies.flow_deck, flies.heights_above_surface) == (False, False)
+URIS = [f"swarm.cf{row}.uri=udp://127.0.0.1:{19850 + row}" for row in (1, 2)]
+
+
+@pytest.mark.parametrize(
+    ("changes", "flow_deck"),
+    [
+        ((), True),
+        (onboard.NO_FLOW_DECK, False),
+        (("transport={use: radio}", *URIS), True),
+        (("transport={use: radio, flow_deck: false}", *URIS), False),
+    ],
+)
+def test_missions_declare_drones_without_flow_decks(
+    changes: tuple[str, ...], *, flow_deck: bool
+) -> None:
+    flies = load(onboard.LOCO, Registry(), changes).scene
+    assert (flies.flow_deck, flies.heights_above_surface) == (flow_deck, flow_deck)
+
+
+def test_accelerometers_without_a_flow_deck_are_scaled_at_rest() -> None:
+    with_deck, without = (
+        Simulator(
+            agents(2),
+            **simulator_arguments(
+                **fill_defaults({"onboard": {"system": "poses", "flow_deck": deck}}, SIMULATED)
+            ),
+        ).drones
+        for deck in (True, False)
+    )
+    expected = with_deck["accelerometer_bias"] * [1, 1, 1 / 6]
+    assert without["accelerometer_bias"] == pytest.approx(expected)
+    assert not without["flow_share"].any()
+    assert not without["ranger_share"].any()
 
 
 def test_the_plan_names_base_stations(capsys: pytest.CaptureFixture[str]) -> None:
