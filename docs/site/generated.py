@@ -81,7 +81,7 @@ def options_page(kind: str, offers: Mapping[str, Any]) -> str:
         lines += ["", f"## `{name}`", "", offer.summary, ""]
         page = ABOUT.get(name, f"methods.md#{name}" * (f"\n### `{name}`\n" in methods))
         lines += [f"[How it works, and when to use it](../{page})", ""] if page else []
-        lines += table(offer.options)
+        lines += ["<div class=options markdown>", "", *table(offer.options), "", "</div>"]
         lines += [
             line
             for example in offer.options.get("examples", ())
@@ -100,7 +100,7 @@ def files_page() -> str:
         if kind == "mission":  # without the options of plugins, which have their own pages
             schema = json.loads((ROOT / "schemas" / "mission.schema.json").read_text("utf-8"))
         lines += ["", f"## {kind.capitalize()}", "", schema["description"], ""]
-        lines += table(schema, "key")
+        lines += ["<div class=options markdown>", "", *table(schema, "key"), "", "</div>"]
     return "\n".join(lines) + "\n"
 
 
