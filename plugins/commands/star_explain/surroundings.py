@@ -11,6 +11,7 @@ from star_core.toolkit import Rehearsal, RehearsedStep
 from star_explain import follows_surfaces
 
 BESIDE: Final = 0.2  # m beside what is lower, at which an agent may be above it by its error
+ASIDE: Final = 0.4  # m, by a planner that does not know of it, since others push agents aside
 
 
 class Surroundings:
@@ -29,6 +30,7 @@ class Surroundings:
         self._ignores_obstacles = not planner.avoids_obstacles
         self._surfaces_matter = follows_surfaces(mission, registry)
         localizer = registry.find("localizer", mission.plugins["localizer"].use).offer
+        self._beside = ASIDE if self._ignores_obstacles else BESIDE
         self._corrected, self._least = localizer.corrects_heights, localizer.edge_clearance
 
     def blocked(self, rounds: Iterable[RehearsedStep]) -> tuple[str, ...]:
@@ -71,7 +73,7 @@ class Surroundings:
                 (obstacle.height[1], f"obstacle {obstacle.name!r}", "may fly", beside)
                 for obstacle in self._scene.world.obstacles
                 if start <= height < obstacle.height[1] < z
-                and obstacle.gaps((x, y, obstacle.height[1]))[0] < BESIDE
+                and obstacle.gaps((x, y, obstacle.height[1]))[0] < self._beside
             ]
             for height, what, flies, noted in notes:
                 climbs = height - start
