@@ -32,6 +32,7 @@ from recorded_flights import ESTIMATE_LATENCY, FOLDER, Flight, read, rms
 from star_core import Agent, Array, Fence, Scene, World
 from star_sim import discharge, ideal_world
 from star_sim.airframe import CYCLE
+from star_sim.cascade import EARLIER_HEIGHT_GAIN
 from star_sim.drone import DEMAND, OFF, POSITION
 from star_sim.transport import Simulator
 
@@ -71,6 +72,8 @@ def replay(flight: Flight, controller: str, estimate: str) -> dict[str, Array]:
     drone["slip"] = 1.0, 0.0
     rest = np.array(discharge.VOLTAGE_OF_CHARGE)
     drone["charge"] = np.interp(data["voltage"][: max(1, began - 30)].mean(), rest, TENTHS)
+    if simulator.cascades is not None:
+        simulator.cascades["height_integral_gain"] = EARLIER_HEIGHT_GAIN
     drone["feed_forward"] = 0.0  # the recorded setpoints were positions
     drone["setpoint_time"] = np.inf
     time = data["time"] - data["time"][began]

@@ -32,6 +32,7 @@ CASCADE = np.dtype(
         ("velocity_integral", "f8", 3),
         ("attitude_integral", "f8", 6),
         ("last_rates", "f8", 3),  # rad/s, one step before
+        ("height_integral_gain", "f8"),  # N/(m s), of Mellinger's law
         ("pwm", "f8", 4),  # of 65535, of each motor
     ],
     align=True,
@@ -55,11 +56,12 @@ THRUST_BASE = 36000.0  # PID_VEL_THRUST_BASE
 THRUST_LEAST = 20000.0  # PID_VEL_THRUST_MIN
 INTEGRAL_LIMIT = 5000.0  # DEFAULT_PID_INTEGRATION_LIMIT of ``pid.h``
 
-# Mellinger: ``controller_mellinger.c``. The flights of NanoBench that it controlled stay 0.10 m too
-# low, which shows the integral gain of height of their firmware: 0.05, later raised to 1.5.
+# Mellinger: ``controller_mellinger.c``.
 FORCE_GAIN = (0.4, 0.4, 1.25)  # N/m, kp_xy, kp_z
 DAMPING = (0.2, 0.2, 0.4)  # N s/m, kd_xy, kd_z
-FORCE_INTEGRAL_GAIN = (0.05, 0.05, 0.05)  # N/(m s), ki_xy, ki_z
+FORCE_INTEGRAL_GAIN = 0.05  # N/(m s), ki_xy
+HEIGHT_FORCE_INTEGRAL_GAIN = 1.5  # N/(m s), ki_z
+EARLIER_HEIGHT_GAIN = 0.05  # of firmware with which drones hover 0.10 m too low, as in NanoBench
 FORCE_INTEGRAL_LIMIT = (2.0, 2.0, 0.4)  # m s, i_range_xy, i_range_z
 BELIEVED_MASS = 0.029  # kg, CF_MASS
 COMMAND_PER_FORCE = 132000.0  # of 65535 per N, massThrust
@@ -72,6 +74,7 @@ def cascades(count: int, controller: int) -> Cascades:
     """Return the state of `count` controllers of drones that stand still, (N,) of `CASCADE`."""
     table = np.zeros(count, CASCADE)
     table["controller"] = controller
+    table["height_integral_gain"] = HEIGHT_FORCE_INTEGRAL_GAIN
     return table
 
 
@@ -211,6 +214,7 @@ def _force(drone: Record, cascade: Record, lead: Record, axis: int) -> float:
     limit = FORCE_INTEGRAL_LIMIT[axis]
     summed = min(max(cascade.position_integral[axis] + CYCLE * way, -limit), limit)
     cascade.position_integral[axis] = summed
-    force = FORCE_GAIN[axis] * way + DAMPING[axis] * missing + FORCE_INTEGRAL_GAIN[axis] * summed
+    gain = cascade.height_integral_gain if axis == 2 else FORCE_INTEGRAL_GAIN  # noqa: PLR2004 -- z
+    force = FORCE_GAIN[axis] * way + DAMPING[axis] * missing + gain * summed
     ahead = drone.reference_acceleration[axis] if drone.mode != VELOCITY else 0.0
     return float(BELIEVED_MASS * ahead * drone.feed_forward + force)
