@@ -104,10 +104,14 @@ def test_ranger_flights_over_an_obstacle_are_warnings() -> None:
 
 
 def test_a_flight_close_beside_a_low_obstacle_may_lead_over_it() -> None:
-    beside = LOW_WALL.replace("[-1, 0.5]", "[-0.35, 0.5]")
-    (found,) = warnings(world=beside, changes=RANGER)
-    assert "cf1 may fly over obstacle 'wall'" in found
-    assert warnings(world=LOW_WALL.replace("[-1, 0.5]", "[-0.25, 0.5]"), changes=RANGER) == []
+    def beside(x: float, planner: str = "straight") -> str:
+        world = LOW_WALL.replace("[-1, 0.5]", f"[{x}, 0.5]")
+        return "".join(warnings("straight", planner, world, changes=RANGER))
+
+    assert "cf1 may fly over obstacle 'wall'" in beside(-0.35, "visibility")
+    assert beside(-0.2, "visibility") == ""
+    assert "cf1 may fly over obstacle 'wall'" in beside(-0.2)  # pushed aside by others
+    assert beside(0.0) == ""
 
 
 def test_flights_high_enough_above_an_obstacle_are_none() -> None:
