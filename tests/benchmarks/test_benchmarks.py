@@ -118,8 +118,8 @@ SCRIPTS = {
     "imu_errors": Small("{flights}", prints="median magnitude"),
     "landmarks": Small(
         sizes={
-            "MINUTES": 0.1,
-            "CHANGES": ("mission.1.follow.until.elapsed=1", "localizer.processes=0"),
+            "MINUTES": 0.05,
+            "CHANGES": ("mission.1.follow.until.elapsed=0.2", "localizer.processes=0"),
         }
     ),
     "mosaic": Small("--json --scenes 1"),

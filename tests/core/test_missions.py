@@ -35,7 +35,7 @@ SETTINGS = {  # to shorten long flights, and to fly `external` beside other test
         "transport.swap_time=15",
     ),
     "search": ("mission.1.search.speed=0.45", IN_PROCESS),
-    "three_eyes": ("mission.1.follow.until={elapsed: 2}", IN_PROCESS),
+    "three_eyes": ("mission.1.follow.until={elapsed: 1}", IN_PROCESS),
     "trajectory": (
         "limits.speed=1",
         "mission.1.follow.timescale=1.1",
