@@ -56,9 +56,7 @@ def launched(command: Sequence[str], assignments: Iterable[str] = ()) -> list[st
 
 
 @contextmanager
-def client(
-    command: Sequence[str], fleet: Fleet, mission: Mission
-) -> Iterator[Callable[[], int]]:  # fmt: skip
+def client(command: Sequence[str], fleet: Fleet, mission: Mission) -> Iterator[Callable[[], int]]:
     """Run a script beside a fleet, which stops with it; yield a function for its exit status.
 
     SIGTERM is passed on to the script. SIGINT is not: by Ctrl-C a terminal sends it to both, and

@@ -30,6 +30,7 @@ SEEN_STD: Final = 0.03  # m, while a tag is in view
 GROUND: Final = 0.05  # m, up to which an agent stands, where its position does not drift
 SURE_STD: Final = 0.2  # m, up to which an agent sees the tags that are seen from its path
 BESIDE: Final = np.array([(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0)], np.float64)
+"""Directions from a path, in which an uncertain agent may be by one deviation."""
 MIN_EDGE: Final = 13.0  # px, longest side of a tag that is still found in an image
 MIN_WIDTH: Final = 13.2  # px across the longest side: eight modules, for detectors without priors
 BORDER: Final = 8.0
@@ -99,12 +100,14 @@ def _along(
     took = np.where(height > GROUND, np.diff(time, prepend=time[0]), 0.0)  # s, in the air
     noise = np.cumsum((PER_TIME + PER_HEIGHT * np.maximum(height, LEAST_HEIGHT) ** 2) * took)
     flown = np.cumsum(took)
-    seen = np.zeros(len(BESIDE), np.bool_)  # since the position became uncertain
+    poses = np.column_stack([position, yaw])
+    moved = (np.diff(poses, axis=0, prepend=poses[:1]) != 0.0).any(axis=1)
+    seen = np.zeros(len(BESIDE), np.bool_)  # beside the path, since the position became uncertain
     for k in range(len(time)):
         before = std[k - 1] if k else 0.0
         if before <= SURE_STD:
             seen[:] = visible[k]
-        elif step[k] > 0.0 or not k:
+        elif moved[k]:
             rows = np.flatnonzero(~seen)
             seen[rows] = sees(position[k] + before * BESIDE[rows], np.full(len(rows), yaw[k]))
         if seen.all():

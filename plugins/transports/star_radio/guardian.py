@@ -40,12 +40,9 @@ PROGRESS_PERIOD: Final = 0.2  # s, between two reports while connecting
 LANDING_TIME: Final = 30.0  # s, for which the end of the flight waits for landings
 MAX_LINES: Final = 100  # log messages that the flight has not received yet
 MAX_WAIT: Final = 1.0  # s, for a tick
-MOVING: Final = (
-    "send",
-    "command",
-    "correct",
-    "set_parameters",
-)  # refused once the guardian lands the agents
+MOVING: Final = ("send", "command", "correct", "set_parameters")
+"""Refused once the guardian lands the agents."""
+
 SERVED: Final = (*MOVING, "connect", "upload", "wait", "record_in", "close")
 
 

@@ -26,12 +26,18 @@ def room(*tags: tuple[float, float]) -> Scene:
     return replace(base, agents=agents, world=replace(base.world, landmarks=landmarks))
 
 
-def std(room: Scene, x: Array, yaw: float = 0.0, tags: int = 2, height: float = 0.8) -> Array:
+def std(
+    room: Scene, x: Array, yaw: Array | float = 0.0, tags: int = 2, height: float = 0.8
+) -> Array:
     """Return the deviations along positions on the x axis, one each half second, m."""
     n = len(x)
     position = np.stack([x, np.zeros(n), np.full(n, height)], axis=1)[:, None]
     found = expected_std(
-        room, np.arange(0.0, n / 2, 0.5), position, np.full((n, 1), yaw), max_tags_per_landmark=tags
+        room,
+        np.arange(0.0, n / 2, 0.5),
+        position,
+        np.broadcast_to(yaw, n)[:, None],
+        max_tags_per_landmark=tags,
     )
     return found[:, 0]
 
@@ -105,6 +111,12 @@ def test_an_uncertain_drone_may_pass_a_tag_without_seeing_it() -> None:
     assert std(edge, near)[-1] == pytest.approx(SEEN_STD)
     assert std(edge, np.append(far, near))[-1] > 0.2
     assert std(room((0.8, 0.0)), np.append(far, near))[-1] == pytest.approx(SEEN_STD)
+
+
+def test_an_uncertain_drone_that_turns_to_a_tag_sees_it() -> None:
+    yaw = np.repeat([np.pi, 0.0], [60, 20])
+    assert std(room((0.8, 0.0)), np.zeros(80), yaw)[59] > 0.2
+    assert std(room((0.8, 0.0)), np.zeros(80), yaw)[-1] == pytest.approx(SEEN_STD)
 
 
 def test_a_drone_that_stands_does_not_drift() -> None:
