@@ -20,7 +20,7 @@ from star_core.safety.braking import (
     approach_speed,
     slow_down,
 )
-from star_core.safety.walls import Walls, brake_for_walls, walls
+from star_core.safety.walls import Walls, brake_for_walls, vertical_limits, walls
 from star_core.toolkit.jit import compiled, subroutine
 from star_core.toolkit.tracking import MAX_LEAD, TRACKING_GAIN
 from star_core.world.scene import Scene
@@ -45,9 +45,10 @@ class SafetyFilter:
 
     The horizontal separation of two agents grows by the margins for their uncertain positions,
     which yield: see `yielding_margin`. So do the distances to the sides of the fence; and
-    to obstacles, which are left to planner and avoider where positions are exact. Setpoints are
-    corrected by as little as possible; if the corrections for several neighbors do not converge,
-    agents stop.
+    to obstacles beside agents, which are left to planner and avoider where positions are exact.
+    Below and above obstacles all agents brake, since a path that climbs or sinks beside one leads
+    into it once others hold the agent back. Setpoints are corrected by as little as possible; if
+    the corrections for several neighbors do not converge, agents stop.
 
     Args:
         scene: Fence, limits and tick.
@@ -223,7 +224,7 @@ def correct(  # noqa: C901, PLR0913, PLR0917 -- numba takes plain arguments apar
     """
     n = len(active)
     flown, requested, slowed = np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3))
-    beside, inside = np.empty((n, 3)), np.empty((n, 3))
+    beside, inside, vertical = np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 2))
     for row in range(n):
         commanded = has_safe[row] and active[row]
         yaw[row] = safe_yaw[row] if commanded else planned_yaw[row]
@@ -239,6 +240,9 @@ def correct(  # noqa: C901, PLR0913, PLR0917 -- numba takes plain arguments apar
         if active[row] and wall_margin[row] > 0.0:
             room = wall_margin[row]
             brake_for_walls(beside, position, flown, row, room, wall, fence, speed, brakes, period)
+        if active[row]:
+            vertical[row] = vertical_limits(position, flown, row, wall, brakes, period)
+            beside[row, 2] = min(max(beside[row, 2], vertical[row, 0]), vertical[row, 1])
         for axis in range(3):
             inside[row, axis] = beside[row, axis]
         if active[row]:
@@ -248,7 +252,7 @@ def correct(  # noqa: C901, PLR0913, PLR0917 -- numba takes plain arguments apar
     if len(first):
         pairs, motion = (first, second, margin), (speed, brakes, period)
         sizes = (separation, vertical_separation)
-        separate(apart, position, flown, active, pairs, fence, sizes, motion)
+        separate(apart, position, flown, active, pairs, (fence, vertical), sizes, motion)
     for row in range(n):
         changed[0, row] = active[row] and differ(inside, beside, row)
         changed[1, row] = active[row] and differ(slowed, requested, row)
@@ -275,7 +279,7 @@ def separate(
     flown: Array,
     active: Mask,
     pairs: tuple[Rows, Rows, Array],
-    fence: Array,
+    bounds: tuple[Array, Array],
     sizes: tuple[float, float],
     motion: tuple[float, float, float],
 ) -> None:
@@ -286,18 +290,20 @@ def separate(
     stop.
 
     Args:
-        apart: (N, 3) velocities with which agents stay inside the fence, m/s; active rows are
+        apart: (N, 3) velocities with which agents stay inside the bounds, m/s; active rows are
             changed, the others are those that the agents fly.
         position: (N, 3) m.
         flown: (N, 3) current velocities, m/s.
         active: (N,) agents that are steered; the others keep their velocity.
         pairs: (P,) rows of every two agents that are near each other, and (N,) the margins for
             uncertain positions, m.
-        fence: (2, 3) its lowest and its highest corner, m.
+        bounds: (2, 3) lowest and highest corner of the fence, m, and (N, 2) least and greatest
+            vertical velocity above and below obstacles, m/s.
         sizes: Horizontal and vertical semi-axis of the ellipsoid, m.
         motion: Greatest speed, m/s, greatest deceleration, m/s², and period of the ticks, s.
     """
     first, second, margin = pairs
+    fence, vertical = bounds
     separation, vertical_separation = sizes
     speed, brakes, period = motion
     direction, allowed = np.empty((len(first), 3)), np.empty(len(first))
@@ -321,6 +327,7 @@ def separate(
             if times[row] > 0.0 and active[row]:
                 add_correction(apart, change, times, row, speed)
                 bound(apart, position, flown, row, fence, speed, brakes, period)
+                apart[row, 2] = min(max(apart[row, 2], vertical[row, 0]), vertical[row, 1])
                 if iteration == MAX_ITERATIONS:
                     for axis in range(3):
                         apart[row, axis] = 0.0

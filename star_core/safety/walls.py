@@ -1,4 +1,4 @@
-"""Distances to obstacles beside agents, and velocities with which they can brake before them."""
+"""Distances to obstacles, and velocities with which agents can brake before them."""
 
 from __future__ import annotations
 
@@ -133,6 +133,46 @@ def brake_for_walls(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments ap
         up = approach_speed(above, fast, brakes, period)
         down = approach_speed(below, -fast, brakes, period)
         velocity[row, axis] = min(max(velocity[row, axis], min(-down, up)), max(up, -down))
+
+
+@subroutine
+def vertical_limits(
+    position: Array, flown: Array, row: int, wall: Walls, brakes: float, period: float
+) -> tuple[float, float]:
+    """Return the least and the greatest vertical velocity from which obstacles are not reached.
+
+    They hold for agents above or below a piece, or within `CONTACT_RADIUS` of that. The law is that
+    of `SafetyFilter`, with the distance to heights that count as beside the piece; agents already
+    there are not moved away.
+
+    Args:
+        position: (N, 3) m.
+        flown: (N, 3) current velocities, m/s.
+        row: Of the agent.
+        wall: The pieces of the obstacles.
+        brakes: Greatest deceleration, m/s².
+        period: Of the ticks, s.
+
+    Returns:
+        m/s, infinite where nothing is below or above.
+    """
+    least, most = -math.inf, math.inf
+    x, y, z = position[row, 0], position[row, 1], position[row, 2]
+    for k in range(len(wall.obstacle)):
+        box = wall.box[k]
+        over = (
+            box[0] - CONTACT_RADIUS <= x <= box[3] + CONTACT_RADIUS
+            and box[1] - CONTACT_RADIUS <= y <= box[4] + CONTACT_RADIUS
+        )
+        if not over or way_out(x, y, wall, k)[0] >= CONTACT_RADIUS:
+            continue
+        if z < box[2]:
+            room = box[2] - BESIDE - z
+            most = min(most, max(0.0, approach_speed(room, flown[row, 2], brakes, period)))
+        elif z > box[5]:
+            room = z - box[5] - BESIDE
+            least = max(least, -max(0.0, approach_speed(room, -flown[row, 2], brakes, period)))
+    return least, most
 
 
 @subroutine

@@ -24,7 +24,9 @@ from star_core import (
     World,
 )
 from star_core.geometry.neighbours import Pairs
+from star_core.safety.braking import BRAKING_GAIN
 from star_core.safety.filter import SafetyFilter, direct
+from star_core.safety.walls import BESIDE
 from star_core.testing import estimate
 
 FENCE = Fence((-3.0, -3.0, 0.0), (3.0, 3.0, 2.0))
@@ -325,6 +327,7 @@ def test_without_a_margin_positions_are_exact() -> None:
 
 
 PILLAR = Obstacle("pillar", (((0.0, -1.0), (1.0, -1.0), (1.0, 1.0), (0.0, 1.0)),), (0.0, 1.5))
+HANGING = replace(PILLAR, name="hanging", height=(1.4, 2.0))
 
 
 def sent_beside(
@@ -369,6 +372,37 @@ def test_only_uncertain_agents_brake_before_obstacles() -> None:
 
 def test_an_uncertain_agent_inside_an_obstacle_is_led_out() -> None:
     assert sent_beside([0.2, 0, 1], [0, 0, 0], 0.1, PILLAR)[0][0] < -0.1
+
+
+@pytest.mark.parametrize(
+    ("z", "obstacle", "towards"), [(1.25, HANGING, 1.0), (1.35, HANGING, 1.0), (1.65, PILLAR, -1.0)]
+)
+def test_agents_brake_below_and_above_obstacles(
+    z: float, obstacle: Obstacle, towards: float
+) -> None:
+    wish = [0.1, 0, 0.3 * towards]
+    sent, corrected = sent_beside([0.4, 0, z], wish, 0.0, obstacle)
+    gap = min(abs(z - end) for end in obstacle.height)
+    assert corrected.obstacle.tolist() == [True]
+    assert sent[0] == pytest.approx(0.1)
+    assert sent[2] * towards == pytest.approx(max(0.0, BRAKING_GAIN * (gap - BESIDE)), abs=1e-9)
+    for position, velocity in (
+        ([0.4, 0, z], [0.1, 0, -0.3 * towards]),
+        ([-0.3, 0, z], wish),
+        ([0.4, 0, z - 0.5 * towards], wish),
+    ):
+        assert sent_beside(position, velocity, 0.0, obstacle)[0] == pytest.approx(velocity)
+
+
+@pytest.mark.parametrize("obstacles", [(), (HANGING,)])
+def test_agents_that_part_vertically_keep_below_obstacles(obstacles: tuple[Obstacle, ...]) -> None:
+    room = scene(2)
+    guard = SafetyFilter(replace(room, world=World("room", FENCE, obstacles)))
+    now = estimate(np.array([[0.4, 0, 0.9], [0.4, 0, 1.3]]))  # above each other, too near
+    wanted = setpoint(np.zeros((2, 3)))
+    sent, _ = apply(guard, now, wanted, wanted)
+    assert (sent.velocity[1, 2] > 0.05) == (not obstacles)
+    assert sent.velocity[0, 2] < -0.05
 
 
 @pytest.mark.parametrize(
