@@ -27,6 +27,8 @@ REAL: Final = {0x5, 0x6, 0x7}
 READ_ONLY: Final = 0x40  # a bit next to the type
 _TYPE = 0x0F
 _VALUE = 3  # bytes before the value in the answer to a reading: number and status
+REFUSED: Final = ("motorPowerSet.", "health.")
+"""Groups that run motors whatever the commander does: their parameters are not set."""
 KINDS: Mapping[int, str] = {packets.LOG: "log", packets.PARAMETER: "parameter"}
 
 
@@ -134,6 +136,9 @@ def _entry(port: int, number: int, answer: bytes) -> tuple[str, Entry]:
 
 def setting(table: Table, name: str, value: float) -> Question:
     """Return the question that sets a parameter ``group.name``; its answer contains the value."""
+    if name.startswith(REFUSED):
+        text = f"parameter {name!r} would run motors past the safety filter"
+        raise PluginError(text, "invalid-option")
     if name not in table:
         raise PluginError(f"its firmware has no parameter {name!r}", "outdated-firmware")
     number, kind = table[name]

@@ -30,6 +30,7 @@ PARAMETERS: dict[str, tuple[int, bytes]] = {
     "ring.effect": (0x18, b"\6"),
     "system.selftestPassed": (0x48, b"\1"),
     "velCtlPid.vxKp": (0x06, struct.pack("<f", 25.0)),
+    "motorPowerSet.enable": (0x08, b"\0"),
 }
 
 
