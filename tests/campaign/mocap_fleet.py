@@ -11,7 +11,8 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
@@ -126,6 +127,22 @@ class Received(CaptureFrames):
         self._server.close()
 
 
+@contextmanager
+def motion_capture(air: Air) -> Iterator[None]:
+    """Let localizer `mocap` receive the positions that a fleet's NatNet server sends."""
+
+    def connect(plugins: Registry, scene: Scene, system: Mapping[str, Any]) -> Received:
+        schema = {"properties": system_options(plugins)}
+        return Received(air, scene, fill_defaults(system, schema))
+
+    try:
+        with pytest.MonkeyPatch.context() as patch, virtual(air):
+            patch.setattr(MocapSourceSpec, "connect", staticmethod(connect))
+            yield
+    finally:
+        air.fleet.close()
+
+
 def flown(fault: Mapping[str, Any], *, seed: int, at_once: bool = False) -> Flown:
     """Fly with a fault of the system: mode, rows, seconds and values, as of `Fault`."""
     options = fill_defaults({"positioning": MOTION_CAPTURE, "speed": 1.0}, OPTIONS)
@@ -152,18 +169,10 @@ def flown(fault: Mapping[str, Any], *, seed: int, at_once: bool = False) -> Flow
                 values = {"swap": False, **fault.get("values", {})}
                 air.fleet.inject([Fault("positioning", fault["mode"], now, until, values)])
 
-        def connect(plugins: Registry, scene: Scene, system: Mapping[str, Any]) -> Received:
-            schema = {"properties": system_options(plugins)}
-            return Received(air, scene, fill_defaults(system, schema))
-
         air.watch = watch
         registry = Registry(flight)
-        try:
-            with pytest.MonkeyPatch.context() as patch, virtual(air):
-                patch.setattr(MocapSourceSpec, "connect", staticmethod(connect))
-                flight.summary = fly(load(path, registry, changes), registry)
-        finally:
-            air.fleet.close()
+        with motion_capture(air):
+            flight.summary = fly(load(path, registry, changes), registry)
     return flight
 
 
