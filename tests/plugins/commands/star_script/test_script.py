@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 import textwrap
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -305,6 +306,11 @@ def test_observers_receive_the_ticks_of_a_script(tmp_path: Path) -> None:
 
 
 def test_a_script_in_real_time_flies_in_its_own_thread(lab: Lab, tmp_path: Path) -> None:
+    class Paced:
+        @hookimpl
+        def star_ticked(self) -> None:
+            time.sleep(0.002)  # for the thread of the script
+
     script = tmp_path / "thread.py"
     script.write_text(
         "import threading\n"
@@ -318,7 +324,7 @@ def test_a_script_in_real_time_flies_in_its_own_thread(lab: Lab, tmp_path: Path)
         "assert abs(swarm.allcfs.crazyflies[0].position[0] - 0.5) < 0.1\n"
     )
     lab.realtime = True
-    lab.registry = Registry(star_yaml, lab, installed=False)
+    lab.registry = Registry(star_yaml, lab, Paced(), installed=False)
     limits = "limits: {speed: 1, height: [0, 2]}\n"
     summary, failed = run_script(
         script, (), lab.load(more=limits), lab.registry, Operator()
