@@ -63,7 +63,7 @@ def run_mission(  # noqa: PLR0913 -- options of the command
     """
     with Progress(f"loading {path}"):
         mission = load(Path(path), registry, assignments)
-    for warning in mission.warnings:
+    for warning in (*mission.warnings, *_check(mission, registry)):
         log(warning)
     folder = _folder(out, mission.name) if keep else None
     progress = FlightProgress(partial(_expected_duration, mission, registry), events=not as_json)
@@ -84,6 +84,20 @@ def run_mission(  # noqa: PLR0913 -- options of the command
     for line in lost:
         log(f"star: {line}")
     return status, json.dumps(summary, indent=2)
+
+
+def _check(mission: Mission, registry: Registry) -> list[str]:
+    """Return what ``star check`` refuses in a rehearsal, as warnings: simulated drones fly it.
+
+    Raises:
+        InputError: There is such a problem, and the drones are real.
+    """
+    with Progress("checking"):
+        listed = registry.manager.hook.star_check(mission=mission, registry=registry)
+    errors = [problem for problems in listed for problem in problems if not problem.warning]
+    if errors and mission.scene.realtime:
+        raise InputError(mission.file.located(errors))
+    return mission.file.located(problem._replace(warning=True) for problem in errors)
 
 
 def _expected_duration(mission: Mission, registry: Registry) -> float | None:

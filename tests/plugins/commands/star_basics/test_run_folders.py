@@ -58,3 +58,23 @@ def test_a_run_that_was_not_started_has_no_flight_to_show(
     assert main([*command, "low"]) == 2
     why = "no flight was recorded: not started: battery_low: cf1, cf2 at 3.16 V, below 3.2 V"
     assert f"low: {why} [no-record]" in capsys.readouterr().err
+
+
+RADIO = ["transport=radio", *(f"swarm.cf{k}.uri=udp://127.0.0.1:{k}" for k in (1, 2))]
+
+
+@pytest.mark.usefixtures("hop")
+@pytest.mark.parametrize(
+    ("changes", "status", "kind"), [([], 1, "warning: "), (RADIO, 2, "")], ids=["sim", "radio"]
+)
+def test_what_a_rehearsal_refuses_is_reported_before_a_run(
+    changes: list[str], status: int, kind: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    changes = [text for value in changes for text in ("--set", value)]
+    arguments = ["--set", "mission.0.takeoff.timeout=0.2", *changes]
+    assert main(["check", "hop.yaml", *arguments]) == 2
+    refusal = capsys.readouterr().err.splitlines()[0]
+    assert refusal.endswith("[timeout-too-short]")
+    assert main(["run", "hop.yaml", "--no-record", *arguments]) == status
+    location, message = refusal.split(": takeoff", 1)
+    assert capsys.readouterr().err.splitlines()[0] == f"{location}: {kind}takeoff{message}"
