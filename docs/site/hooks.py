@@ -26,6 +26,7 @@ CODE: Final = re.compile(r"^( *)(```+).*?^\1\2", re.MULTILINE | re.DOTALL)
 SPAN: Final = re.compile(r"`[^`\n]+`")  # in tables GitHub needs a backslash before a bar
 FRONT: Final = re.compile(r"<!-- front -->\n(.*?)<!-- front -->", re.DOTALL)
 INCLUDED: Final = "<!-- the front of README.md -->"
+AREA: Final = re.compile(r"^\*([\w ]+)\.\*", re.MULTILINE)  # of a decision
 IN_NAV: Final = "[](../CHANGELOG.md) [](../CONTRIBUTING.md) [](../examples) [](../missions)"
 LANGUAGES: Final = {".py": "python", ".yaml": "yaml", ".toml": "toml", ".json": "json"}
 
@@ -48,8 +49,15 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Page, **_: object) -> str:
-    """Point links to files of the repository at their pages; show ``|`` in code in tables."""
+    """Point links to files of the repository at their pages; show ``|`` in code in tables.
+
+    The area of a decision leads to the others.
+    """
     uri = page.file.src_uri
+    if uri.startswith("decisions/0"):
+        markdown = AREA.sub(
+            lambda area: f"*[{area[1]}](index.md#{area[1].lower().replace(' ', '-')}).*", markdown
+        )
     shown = _linking(uri, uri, SPAN.sub(lambda code: code[0].replace("\\|", "|"), markdown))
     return shown.replace(INCLUDED, _linking("project/README.md", uri, _front()))
 

@@ -41,6 +41,7 @@ PATIENCE: Final = 300.0  # s, for a command
 CLOSE: Final = "document.querySelector('.mantine-Notification-closeButton')?.click()"
 SCHEMES: Final = ("light", "dark")
 MANY: Final = {"decisions": "decisions", "api": "reference/api", "missions": "project/missions"}
+SAMPLE: Final = ("index", "methods", "errors", "reliability", "reference/localizers")
 STUDY: Final = """\
 star: 1
 name: avoiders
@@ -164,16 +165,18 @@ def _served(folder: Path, command: str) -> Iterator[str]:
 
 
 def site(_folder: Path) -> None:
-    """Pages of the documentation, as `make docs` builds it; the first one dark, too.
+    """Pages of the documentation, as `make docs` builds it; some of them dark and on paper, too.
 
     Of `MANY`, whose pages are of one form, the first is taken.
     """
     built = ROOT / "build" / "docs"
     pages = [file for file in sorted(built.rglob("*.html")) if file.parent.name not in MANY]
-    pages += [min((built / folder).glob("*.html")) for folder in MANY.values()]
+    first = [min((built / folder).glob("*.html")) for folder in MANY.values()]
+    pages += first
+    sample = [*first, *(built / f"{name}.html" for name in SAMPLE)]
     for scheme in SCHEMES:
         with Chromium(pages[0].as_uri(), *_dark(scheme)) as page:  # a file leads to others
-            for file in pages if scheme == SCHEMES[0] else [built / "index.html"]:
+            for file in pages if scheme == SCHEMES[0] else sample:
                 address = file.as_uri()
                 page.run(f"location.href = {address!r}")
                 page.wait_for(
@@ -181,6 +184,8 @@ def site(_folder: Path) -> None:
                 )
                 name = str(file.relative_to(built).with_suffix("")).replace("/", "-")
                 _page(page, f"site-{name}-{scheme}")
+                if file in sample:
+                    _paper(page.pdf(), f"site-{name}-{scheme}-paper")
 
 
 def sheets(folder: Path) -> None:
@@ -189,10 +194,7 @@ def sheets(folder: Path) -> None:
     _run(folder, "tags missions/worlds/search_hall.yaml --plan -o plan.pdf")
     _run(folder, "tags missions/worlds/search_hall.yaml -o tags.pdf")
     for file in ("board", "plan", "tags"):
-        subprocess.run(  # a fixed line
-            ["pdftoppm", "-png", "-r", "50", "-l", "2", folder / f"{file}.pdf", OUT / file],
-            check=True,
-        )
+        _paper((folder / f"{file}.pdf").read_bytes(), file)
 
 
 def terminals(folder: Path) -> None:
@@ -241,6 +243,13 @@ def _terminal(folder: Path, name: str, terminal: Terminal, columns: int) -> None
                 for side in ("right", "bottom")
             )
             _save(f"terminal-{name}-{columns}", chromium.screenshot(width + 20, height + 20))
+
+
+def _paper(document: bytes, name: str) -> None:
+    """Photograph the first two sheets of a PDF."""
+    subprocess.run(
+        ["pdftoppm", "-png", "-r", "50", "-l", "2", "-", OUT / name], input=document, check=True
+    )
 
 
 def _dark(scheme: str) -> tuple[str, ...]:

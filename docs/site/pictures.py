@@ -139,6 +139,11 @@ def localizers(flown: Callable[..., Run]) -> None:
             MISSIONS / "paper_box.yaml", "localizer=mocap",
             "transport={use: sim, positioning: {std: 0.03}}",
         ),
+        "onboard": flown(
+            MISSIONS / "paper_box.yaml", "world=worlds/lighthouse_4x4.yaml",
+            "localizer={use: onboard, system: lighthouse}",
+            "transport={use: sim, onboard: {system: lighthouse}}",
+        ),
     }  # fmt: skip
     _save("localizers", [Panel(f"{name}: {_error(run)}", run) for name, run in runs.items()])
 

@@ -71,7 +71,10 @@ class Chromium:
     def wait_for(self, script: str) -> None:
         """Wait until an expression is true."""
         deadline = time.monotonic() + PATIENCE
-        while not self.run(script):
+        while True:
+            with suppress(KeyError):  # between two pages nothing can be evaluated
+                if self.run(script):
+                    return
             assert time.monotonic() < deadline, self.run("document.body.innerText")
             time.sleep(0.1)
 
@@ -80,6 +83,10 @@ class Chromium:
         size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
         self._call("Emulation.setDeviceMetricsOverride", **size)
         return b64decode(self._call("Page.captureScreenshot")["result"]["data"])
+
+    def pdf(self) -> bytes:
+        """Return the page as it is printed on paper."""
+        return b64decode(self._call("Page.printToPDF")["result"]["data"])
 
     def _call(self, method: str, **parameters: Any) -> dict[str, Any]:
         self._number += 1
