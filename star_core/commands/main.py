@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 FAILED: Final = 1
 BAD_INPUT: Final = 2
 GARBAGE: Final = 50_000  # objects more than at the last search for garbage: many at a start stay
+IDLE: Final = "4"
+"""Logarithm of the processor cycles for which an idle thread of OpenBLAS, numpy's library, spins
+before it sleeps. By default it is 26: each thread spins for some 30 ms as numpy is imported."""
 MAX_WIDTH: Final = 100  # characters; also the width where there is no terminal
 GROUPS: Final = ("Fly", "Review", "Author", "Study", "Hardware", "Plugins")
 USAGE = "usage: star [-h] [-V] COMMAND ..."
@@ -35,6 +38,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
             complete()
         _open_streams()
+        os.environ.setdefault("OPENBLAS_THREAD_TIMEOUT", IDLE)
         _, dash, command = PurePath(sys.argv[0]).name.partition("star-")
         gc.disable()  # until plugins are loaded, which stay
         try:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -50,13 +50,13 @@ class Rules:
         """Return the agents that violate a rule from a mission time on, s."""
         new: list[Exclude] = []
         for name, rule in self._rules.items():
-            violated, duration, reasons = self._violations(name, rule, estimate, health)
+            violated, duration, reason = self._violations(name, rule, estimate, health)
             since = np.where(violated, np.fmin(self._since[name], time), np.nan)
             self._since[name] = since
             fires = violated & (time - since >= duration)
             action = SafetyAction[rule["then"].upper()]
             new += [
-                Exclude(row, action, f"{name}: {reasons[row]}")
+                Exclude(row, action, f"{name}: {reason(row)}")
                 for row in np.flatnonzero(fires & (self.action < action)).tolist()
             ]
         return new
@@ -104,29 +104,31 @@ class Rules:
 
     def _violations(
         self, name: str, rule: Mapping[str, Any], estimate: Estimate, health: Health
-    ) -> tuple[Mask, float | Array, list[str]]:
-        """Return which agents violate a rule, how long they must to trigger it, s, and why."""
+    ) -> tuple[Mask, float | Array, Callable[[int], str]]:
+        """Return which agents violate a rule, how long they must to trigger it, s, and why.
+
+        The last is a function of the row.
+        """
         phase = health.phase
         flies = (phase == AgentPhase.FLYING) | (phase == AgentPhase.LOST)
         match name:
             case "battery_low":
-                reasons = [f"battery at {voltage:.2f} V" for voltage in health.battery]
-                return health.battery < rule["below"], BATTERY_SAG_TIME, reasons
+                low = health.battery < rule["below"]
+                return low, BATTERY_SAG_TIME, lambda row: f"battery at {health.battery[row]:.2f} V"
             case "link_lost":
-                reasons = [f"not heard for {age:.1f} s" for age in health.age]
-                return health.age >= rule["after"], 0.0, reasons
+                unheard = health.age >= rule["after"]
+                return unheard, 0.0, lambda row: f"not heard for {health.age[row]:.1f} s"
             case "position_lost":
-                reasons = [f"not located for {rule['after']:g} s"] * len(phase)
-                heard = health.age <= MAX_REPORT_AGE
-                return flies & heard & ~estimate.valid, rule["after"], reasons
+                unlocated = flies & (health.age <= MAX_REPORT_AGE) & ~estimate.valid
+                return unlocated, rule["after"], lambda _: f"not located for {rule['after']:g} s"
             case "fence_near":
                 position = estimate.position
                 room = np.minimum(self._high - position, position - self._low).min(axis=1)
-                reasons = [f"{max(0.0, distance):.2f} m from the fence" for distance in room]
-                return flies & estimate.valid & (room <= rule["within"]), 0.0, reasons
+                near = flies & estimate.valid & (room <= rule["within"])
+                return near, 0.0, lambda row: f"{max(0.0, room[row]):.2f} m from the fence"
         fallen = phase == AgentPhase.EMERGENCY
         low = (phase == AgentPhase.FLYING) & (estimate.position[:, 2] < self._floor)
         sunk = ~fallen & low & estimate.valid & (health.age <= MAX_REPORT_AGE)
         tumbled, lies = "tumbled, crashed, locked or rebooted", "sank to the floor"
-        reasons = [lies if is_sunk else tumbled for is_sunk in sunk]
-        return fallen | sunk, np.where(sunk, SUNK_TIME, 0.0), reasons
+        duration = np.where(sunk, SUNK_TIME, 0.0)
+        return fallen | sunk, duration, lambda row: lies if sunk[row] else tumbled

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import TypeAlias
 
 from star_core.contracts import Status, Task
@@ -70,7 +69,7 @@ class MissionSteps:
         """
         self._observers.begin_tick(estimate.time)
         self._targets.add(estimate.sightings, estimate.time)
-        health = replace(health, finder=self._targets.finder)
+        health = Health.made(health.phase, health.battery, health.age, self._targets.finder)
         excluded = [
             violator.row for violator in self._rules.violators(estimate.time, estimate, health)
         ]

@@ -71,6 +71,16 @@ class PointMasses:
         self._over = np.full(n, np.inf)  # s, end of its phase
         self._after = np.full(n, int(AgentPhase.FLYING))  # phase at that time
         self._trajectories: dict[int, _OnBoard] = {}  # by row
+        self._exact = Estimate(
+            time=0.0,
+            position=self.position,
+            velocity=self.velocity,
+            yaw=self.yaw,
+            covariance=np.zeros((n, 3, 3)),
+            valid=np.ones(n, np.bool_),
+            map_from_odom=self._frames,
+        )
+        self._healthy = Health(self.phase, np.full(n, CHARGED), np.zeros(n))
 
     def connect(self) -> None:
         """Open the links, of which there are none."""
@@ -187,21 +197,26 @@ class PointMasses:
 
     def estimate(self) -> Estimate:
         """Return the exact estimate of all agents, in the map."""
-        n, frames = len(self.phase), self._frames
-        return Estimate(
-            time=self.time,
-            position=frames.apply(self.position),
-            velocity=frames.turn(self.velocity),
-            yaw=wrap_angle(self.yaw + frames.yaw),
-            covariance=np.zeros((n, 3, 3)),
-            valid=np.ones(n, np.bool_),
-            map_from_odom=frames,
+        frames, exact = self._frames, self._exact
+        return Estimate.made(
+            self.time,
+            frames.apply(self.position),
+            frames.turn(self.velocity),
+            wrap_angle(self.yaw + frames.yaw),
+            exact.covariance,
+            exact.valid,
+            frames,
+            exact.sightings,
+            exact.corrections,
+            exact.possible_travel,
+            exact.detections,
+            exact.messages,
         )
 
     def health(self) -> Health:
         """Return the health of all agents: charged and connected."""
-        n = len(self.phase)
-        return Health(self.phase.copy(), np.full(n, CHARGED), np.zeros(n))
+        healthy = self._healthy
+        return Health.made(self.phase.copy(), healthy.battery, healthy.age, healthy.finder)
 
     def steered(self) -> Mask:
         """Return which agents setpoints fly: those in the air without a command, (N,)."""

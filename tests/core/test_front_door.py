@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 
@@ -10,6 +11,7 @@ import pytest
 import star_core
 import star_core.commands
 import star_core.toolkit
+from star_core.commands.main import IDLE, main
 
 HEAVY = ("numpy", "scipy", "numba", "transitions", "jsonschema", "rich", "ruamel")
 DECKS = ("gtsam", "cv2", "cflib")  # vision and radio
@@ -56,6 +58,27 @@ def test_plugin_announcements_and_checks_import_nothing_heavy(statement: str) ->
 
 def test_a_table_brings_numpy() -> None:
     assert "numpy" in imported_after("from star_core import Setpoint")
+
+
+@pytest.mark.usefixtures("hop")
+def test_check_of_a_good_mission_imports_neither_kernels_nor_jsonschema() -> None:
+    check = "from star_core.commands.main import main\nmain(['check', 'hop.yaml'])"
+    assert imported_after(check) <= {"numpy", "ruamel"}
+
+
+@pytest.mark.parametrize("setting", [None, "20"])
+def test_idle_threads_of_openblas_sleep_at_once_by_default(setting: str | None) -> None:
+    name = "OPENBLAS_THREAD_TIMEOUT"
+    environment = {key: value for key, value in os.environ.items() if key != name}
+    run = f"import sys; sys.argv = ['star', '-V']; from {main.__module__} import main; main()"
+    answer = subprocess.run(
+        [sys.executable, "-c", f"{run}; import os; print(os.environ[{name!r}])"],
+        capture_output=True,
+        text=True,
+        check=True,
+        env=environment | ({} if setting is None else {name: setting}),
+    )
+    assert answer.stdout.split()[-1] == (setting or IDLE)
 
 
 @pytest.mark.usefixtures("hop")

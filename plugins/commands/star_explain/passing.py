@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from star_core import Array, Goals, Mask, Mission
-from star_core.toolkit import MAX_MARGIN_RATIO
+from star_core.toolkit import MAX_MARGIN_RATIO, some
 from star_explain.separation import kept_distance
 
 HORIZON: Final = 2.0  # s, before which agents begin to give way
@@ -66,6 +66,8 @@ class Passing:
         if not self._avoids:
             return velocity
         gives_way = steered & goals.active & self._patient(time, position, goals)
+        if not some(gives_way):
+            return velocity
         first, second = self._pairs
         offset = position[second] - position[first]
         relative = velocity[first, :2] - velocity[second, :2]
@@ -74,7 +76,7 @@ class Passing:
         reach = self._distance + greatest + HORIZON * np.hypot(relative[:, 0], relative[:, 1])
         near = (apart < reach) & (np.abs(offset[:, 2]) < self._vertical) & (apart > TINY)
         near &= gives_way[first] & gives_way[second]
-        if not near.any():
+        if not some(near):
             return velocity
         first, second, offset = first[near], second[near], offset[near, :2]
         distance = np.full(len(first), self._distance)

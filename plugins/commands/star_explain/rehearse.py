@@ -14,6 +14,7 @@ from star_core import (
     Array,
     Command,
     Goals,
+    Health,
     Mission,
     Order,
     PluginError,
@@ -38,6 +39,7 @@ SPEED_SHARE: Final = 0.87
 """Share of the velocity of a setpoint that a drone flies: drag and errors of the estimate leave
 those in the default world of `sim` between 0.8 and 1.1 times 0.5 m/s."""
 IN_FLIGHT: Final = (AgentPhase.TAKING_OFF, AgentPhase.FLYING, AgentPhase.LANDING)
+FLIES: Final = np.array([phase in IN_FLIGHT for phase in AgentPhase])  # by phase
 LANDED_DELAY: Final = 2.1  # s, after the end of a landing; the firmware reports flying for 2 s
 SETTLING_TIME: Final = 0.9  # s, after the end of a climb, at rest vertically; in the default world
 MAX_DURATION: Final = 1800.0  # s, after which further rounds of steps are left out
@@ -151,17 +153,17 @@ def _run(
     while True:
         tasks.late = swarm.time > MAX_DURATION
         try:
-            flies = swarm.phase == AgentPhase.FLYING
             estimate = swarm.estimate()
             if lookout.watches:
+                flies = swarm.phase == AgentPhase.FLYING
                 sightings = lookout.look(swarm.time, swarm.position, swarm.yaw, flies)
                 estimate = replace(estimate, sightings=sightings)
             health = swarm.health()
             if handling.voltage is not None:
-                airborne = (swarm.phase[:, None] == IN_FLIGHT).any(axis=1)
+                airborne = FLIES.take(swarm.phase)
                 flown += TICK * airborne
                 battery = np.where(airborne, handling.voltage(flown), health.battery)
-                health = replace(health, battery=battery)
+                health = Health.made(health.phase, battery, health.age, health.finder)
             status, instructions = runner.step(estimate, health)
         except PluginError as error:
             for task in tasks.made:

@@ -15,6 +15,7 @@ RESISTANCE = 0.12  # ohm, cell and leads; assumed: a sag of 0.25 V in hover
 CASCADE_RESISTANCE = 0.268  # ohm, of the identified drone, as `star_sim.powertrain`
 # V at 0, 10, ... 100 % of charge without load: the table of the firmware's pm_stm32f4.c, and full.
 VOLTAGE_OF_CHARGE = (3.00, 3.78, 3.83, 3.87, 3.89, 3.92, 3.96, 4.00, 4.04, 4.10, 4.20)
+CHARGE = np.linspace(0.0, 1.0, len(VOLTAGE_OF_CHARGE))  # of full
 
 
 def hover_voltage(
@@ -29,7 +30,6 @@ def hover_voltage(
         controller: Of the drones, which determines whose battery they have.
     """
     charge = np.clip(battery - flown / endurance, 0.0, 1.0)
-    table = np.linspace(0.0, 1.0, len(VOLTAGE_OF_CHARGE))
     resistance = RESISTANCE if controller == "ideal" else CASCADE_RESISTANCE
-    voltage: Array = np.interp(charge, table, VOLTAGE_OF_CHARGE) - resistance * HOVER_CURRENT
+    voltage: Array = np.interp(charge, CHARGE, VOLTAGE_OF_CHARGE) - resistance * HOVER_CURRENT
     return voltage
