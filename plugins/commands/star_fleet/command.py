@@ -15,6 +15,7 @@ from types import FrameType
 from typing import TYPE_CHECKING, Any
 
 from star_core import InputError, Mission, PluginError, Registry, load
+from star_core.commands import add_set_option
 from star_core.toolkit import fill_defaults
 from star_fleet.conditions import Condition, read_conditions
 from star_fleet.decks import OPTIONAL
@@ -35,7 +36,7 @@ def run(options: argparse.Namespace, registry: Registry) -> int:
     Raises:
         InputError: The mission cannot be flown, or a port is not available.
     """
-    assignments = [] if options.seed is None else [f"seed={options.seed}"]
+    assignments = options.set + ([] if options.seed is None else [f"seed={options.seed}"])
     mission = load(Path(options.mission), registry, assignments)
     scene, host = mission.scene, options.host
     agents = scene.agents
@@ -193,6 +194,7 @@ def configure(line: argparse.ArgumentParser) -> None:
         help="seconds without a packet after which a drone deletes its log blocks, as the firmware "
         "does by radio; 0 for none, as in CrazySim: %(default)g",
     )
+    add_set_option(line)
     line.add_argument("--seed", help="random seed (default: the mission's)")
     line.add_argument(
         "--speed",

@@ -9,7 +9,7 @@ from typing import Final, TypeAlias
 import numpy as np
 
 from star_core import Array, InputError, Mask, Scene
-from star_core.toolkit import suggestion
+from star_core.toolkit import SYSTEMS, suggestion
 from star_sim.drone import Drones
 
 EMPTY: Final = 0.01  # charge of an empty battery, as a fraction of full: 3.0 V
@@ -56,7 +56,7 @@ def read_conditions(texts: Iterable[str], scene: Scene) -> Conditions:
     """Return the conditions of ``AGENT=CONDITION`` each.
 
     Raises:
-        InputError: There is no such agent or condition.
+        InputError: There is no such agent or condition, or what a deck receives is not simulated.
     """
     rows: dict[int, frozenset[Condition]] = {}
     for text in texts:
@@ -69,6 +69,12 @@ def read_conditions(texts: Iterable[str], scene: Scene) -> Conditions:
             hint = suggestion(condition, names, "there are")
             wrong = f"--condition {text}: no condition {condition!r}{hint}"
             raise InputError(wrong, "invalid-option")
+        if condition in SYSTEMS and condition != scene.onboard_system:
+            raise InputError(
+                f"--condition {text}: the simulated drones do not receive {condition!r}; fly a "
+                f"mission with transport: {{use: sim, onboard: {{system: {condition}}}}}",
+                "no-positioning",
+            )
         row = scene.names.index(name)
         rows[row] = rows.get(row, NONE) | {Condition(condition)}
     return rows

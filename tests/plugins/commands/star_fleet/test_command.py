@@ -53,6 +53,12 @@ def test_it_prints_where_each_drone_is(capsys: pytest.CaptureFixture[str]) -> No
     assert all(line.split()[1].startswith("udp://127.0.0.1:") for line in lines)
 
 
+def test_values_of_the_mission_can_be_set(capsys: pytest.CaptureFixture[str]) -> None:
+    flags = ["--port", "0", "--duration", "0.2", "--speed", "10"]
+    assert run([FIRST, *flags, "--set", "swarm.cf4.start=[0, 1.5, 0]"]) == 0
+    assert "cf4  udp://" in capsys.readouterr().out
+
+
 def test_an_interrupt_ends_it_well() -> None:
     command = [
         sys.executable,
@@ -250,6 +256,8 @@ def test_a_mission_that_is_none_is_refused(tmp_path: Path) -> None:
         ("cf9=locked", "unknown-agent", "did you mean"),
         ("cf1=lockd", "invalid-option", "did you mean 'locked'?"),
         ("cf1", "invalid-option", "there are"),
+        ("cf1=lighthouse", "no-positioning", "onboard: {system: lighthouse}"),
+        ("cf1=loco", "no-positioning", "onboard: {system: loco}"),
     ],
 )
 def test_conditions_that_are_none_are_refused(condition: str, code: str, hint: str) -> None:
