@@ -2,16 +2,18 @@
 
 ``python benchmarks/durations.py [MISSION ...]`` rehearses and flies missions in their own world,
 with their own seed and the next ones, and prints a table with the mean of the flights: by default
-of all missions that ship and their scenarios. With ``--steps`` it prints each step of each flight.
+of all missions that ship and their scenarios. With ``--steps`` it prints each step of each flight,
+and at the end how much longer the steps of each verb took than in the rehearsal.
 """
 
 from __future__ import annotations
 
 import argparse
 import statistics
+from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from star_core import Mission, Registry, fly, load
 from star_core.toolkit import Rehearsal
@@ -19,6 +21,22 @@ from star_core.toolkit import Rehearsal
 MISSIONS = Path(__file__).parents[1] / "missions"
 EXTERNAL = "external"  # needs a program that commands its agents
 TOLERANCE = 0.1  # of the duration of the flight
+
+
+class FlownStep(NamedTuple):
+    """A step of a flight.
+
+    Attributes:
+        verb: Its verb.
+        agents: Their names.
+        rehearsed: Duration in the rehearsal, s; None if it was not rehearsed.
+        flown: Duration, s.
+    """
+
+    verb: str
+    agents: str
+    rehearsed: float | None
+    flown: float
 
 
 def main() -> None:
@@ -32,6 +50,7 @@ def main() -> None:
     paths = options.missions or [path for path in shipped if path.stem != EXTERNAL]
     print("| mission | rehearsed, s | flown, s | from | to | error | |")
     print("|---|---:|---:|---:|---:|---:|---|")
+    longer: defaultdict[str, list[float]] = defaultdict(list)  # s, by verb
     for path in paths:
         registry = Registry()
         mission = load(path, registry)
@@ -46,12 +65,20 @@ def main() -> None:
         numbers = f"{rehearsal.time[-1]:.1f} | {mean:.1f} | {min(flown):.1f} | {max(flown):.1f}"
         print(f"| {path.stem} | {numbers} | {error:+.0%} | {note} |", flush=True)
         for summary in summaries if options.steps else ():
-            for text in steps(rehearsal, mission, summary):
-                print(text)
+            for step in steps(rehearsal, mission, summary):
+                planned = "-" if step.rehearsed is None else f"{step.rehearsed:.1f}"
+                print(f"|   {step.verb} {step.agents} | {planned} | {step.flown:.1f} | | | | |")
+                if step.rehearsed is not None:
+                    longer[step.verb].append(step.flown - step.rehearsed)
+    for verb, seconds in longer.items():
+        median = statistics.median(seconds)
+        print(f"{verb}: {median:+.2f} s in flights, median of {len(seconds)} steps")
 
 
-def steps(rehearsal: Rehearsal, mission: Mission, summary: Mapping[str, Any]) -> Iterator[str]:
-    """Yield a line for each step that was flown, with its duration in rehearsal and flight, s."""
+def steps(
+    rehearsal: Rehearsal, mission: Mission, summary: Mapping[str, Any]
+) -> Iterator[FlownStep]:
+    """Yield each step that was flown."""
     waiting = list(rehearsal.steps)
     for flown in summary["steps"]:
         names = flown["agents"]
@@ -62,12 +89,11 @@ def steps(rehearsal: Rehearsal, mission: Mission, summary: Mapping[str, Any]) ->
             and [mission.scene.agents[row].name for row in step.rows] == names
         )
         step = next(same, None)
-        planned = "-"
         if step is not None:
             waiting.remove(step)
-            planned = f"{step.ended - step.begun:.1f}"
+        rehearsed = None if step is None else step.ended - step.begun
         took = flown["ended_s"] - flown["begun_s"]
-        yield f"|   {flown['verb']} {', '.join(names)} | {planned} | {took:.1f} | | | | |"
+        yield FlownStep(flown["verb"], ", ".join(names), rehearsed, took)
 
 
 if __name__ == "__main__":
