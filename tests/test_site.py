@@ -106,9 +106,10 @@ def test_every_option_of_every_plugin_is_described(site: Path) -> None:
 
 def test_every_public_name_is_in_the_reference(site: Path) -> None:
     import star_core
-    from star_core import commands, toolkit
+    from star_core import commands, formats, testing, toolkit
 
-    names = [*star_core.__all__, *toolkit.__all__, *commands.__all__]
+    public = star_core, toolkit, commands, formats, testing
+    names = [name for module in public for name in module.__all__]
     text = "".join(page.read_text() for page in (site / "reference" / "api").glob("*.html"))
     missing = [n for n in names if not re.search(rf'id="star_core[\w.]*\.{n}"', text)]
     assert missing == ["hookimpl"]  # pluggy's

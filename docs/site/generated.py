@@ -50,11 +50,11 @@ PACKAGES: Final = {  # pages of all public names of a package
     "toolkit": "What plugins share",
     "commands": "What commands share",
     "formats": "What formats of missions share",
+    "testing": "Checks for the tests of plugins",
 }
 
 MODULES: Final = {  # pages of whole modules
     "hooks": ("Hooks", ["star_core.plugin_support.hookspecs"]),
-    "testing": ("Checks for the tests of plugins", ["star_core.testing"]),
     "external": ("External planners, search patterns and sources of motion capture",
                  ["star_external.planner", "star_mocap.source", "star_search.pattern",
                   "star_search.search_space"]),
@@ -186,7 +186,10 @@ def _public_names(package: str) -> list[str]:
 
 def _api_page(page: str, title: str, package: str, names: list[str]) -> tuple[str, str]:
     blocks = "".join(f"\n::: {name}\n" for name in names if not name.endswith("hookimpl"))
-    return f"reference/api/{page}.md", f"# {title}\n\nImport these from `{package}`.\n{blocks}"
+    hidden = "members: false, show_root_heading: false, show_root_toc_entry: false"
+    about = f"::: {package}\n    options: {{{hidden}}}\n"
+    text = about * (page == "testing") + f"\nImport these from `{package}`.\n{blocks}"
+    return f"reference/api/{page}.md", f"# {title}\n\n{text}"
 
 
 def _plural(kind: str) -> str:

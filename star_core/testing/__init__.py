@@ -3,7 +3,7 @@
 Each check makes a plugin for swarms of 1, 2 and 50 agents, calls it with inputs that occur in
 flight (agents that are not located, that stand on the ground, that are all at one point), and
 raises `ContractError` at the first violation. A second plugin, made alike, must return the same.
-In a plugin's tests::
+In a plugin's tests:
 
     from star_core.testing import check_avoider
 
