@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import math
 import os
@@ -14,8 +15,9 @@ from typing import Any, TypeAlias
 import numba
 import numpy as np
 import pytest
+from numba.core.types.functions import BaseFunction
 
-from star_core.toolkit import compiled, subroutine
+from star_core.toolkit import compiled, jit, subroutine
 
 ROOT = Path(__file__).parents[3]
 KERNEL = """\
@@ -214,7 +216,46 @@ def _half(x: float) -> float:
 
 
 def test_types_of_numba_are_not_changed_for_other_code() -> None:
+    def broken(x: float) -> float:
+        return x.no_number_has_such_an_attribute  # type: ignore[attr-defined, no-any-return]
+
+    with pytest.raises(numba.TypingError):
+        compiled(broken)(1.0)
     assert not hasattr(numba.types.Array, "literal_type")
+    assert BaseFunction.get_call_type.__module__ == BaseFunction.__module__
+
+
+def test_operators_are_looked_up_once_for_all_kernels(monkeypatch: pytest.MonkeyPatch) -> None:
+    looked_up, numbas = [], BaseFunction.get_call_type
+
+    def look_up(function: Any, *arguments: Any) -> Any:
+        looked_up.append(function)
+        return numbas(function, *arguments)
+
+    def first(x: float) -> float:
+        return x * x + abs(x)
+
+    def second(x: float) -> float:
+        return abs(x * x) + x
+
+    compiled(first)(1.0)
+    monkeypatch.setattr(jit, "_GET_CALL_TYPE", look_up)
+    monkeypatch.setattr(BaseFunction, "get_call_type", look_up)
+    assert compiled(second)(-2.0) == 2.0
+    assert not looked_up
+
+
+def test_garbage_of_the_compiler_is_old() -> None:
+    def kernel(x: float) -> float:
+        return x + 1.0
+
+    threshold = gc.get_threshold()
+    gc.set_threshold(1_000_000_000)
+    try:
+        compiled(kernel)(1.0)
+        assert gc.get_count()[0] < 1_000  # of some 100,000 objects
+    finally:
+        gc.set_threshold(*threshold)
 
 
 @subroutine
