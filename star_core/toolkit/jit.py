@@ -37,27 +37,28 @@ STACK_SIZE: Final = 2**16 + 2**10  # values of 8 bytes: just over half of a chun
 REPORT_PERIOD: Final = 1.5  # s, between two lines while a kernel is compiled
 
 
-def compiled(function: Function, **options: Any) -> Function:
+def compiled(function: Function) -> Function:
     """Return a kernel: `function`, compiled by numba at its first call, with its type as it was.
 
-    Division follows IEEE 754 instead of Python: x / 0 is infinite or NaN. The machine code is kept
-    on disk until the kernel changes, or a function or constant that it uses, whichever file that is
-    in. Progress is reported on stderr.
+    Division follows IEEE 754 instead of Python: x / 0 is infinite or NaN. Sums are neither
+    reordered nor fused with products, as numba's ``fastmath`` allows: which of them are depends on
+    the processor and on what was compiled before, and so would the last digits of a flight. The
+    machine code is kept on disk until the kernel changes, or a function or constant that it uses,
+    whichever file that is in. Progress is reported on stderr.
 
     Args:
         function: Takes numbers and arrays. Branches under ``argument is None`` are compiled only
             when the argument is None, those under ``argument is not None`` only when it is not.
-        options: Of `numba.njit`.
     """
-    bare: dict[str, Any] = {"no_cfunc_wrapper": True, **COMMON, **options}
-    kernel: Any = njit(**bare)(function)
+    options: dict[str, Any] = {"no_cfunc_wrapper": True, **COMMON}
+    kernel: Any = njit(**options)(function)
     if kernel is not function:  # as it is with NUMBA_DISABLE_JIT
         kernel._cache = _KernelCache(kernel)  # noqa: SLF001 -- what `cache=True` does
         kernel._compile_for_args = _with_large_stack(kernel._compile_for_args)  # noqa: SLF001
     return cast("Function", kernel)
 
 
-def subroutine(function: Function, **options: Any) -> Function:
+def subroutine(function: Function) -> Function:
     """Return `function` for kernels to call; it is compiled, and kept on disk, as part of them.
 
     Called by Python it is interpreted: code that takes arguments from Python would be a sixth of
@@ -67,18 +68,17 @@ def subroutine(function: Function, **options: Any) -> Function:
 
     Args:
         function: Takes numbers, arrays and tuples of them.
-        options: Of `numba.njit`.
     """
-    return cast("Function", _Subroutine(function, options))
+    return cast("Function", _Subroutine(function))
 
 
 class _Subroutine:
     """A function that is compiled where kernels call it, and interpreted elsewhere."""
 
-    def __init__(self, function: Callable[..., Any], options: dict[str, Any]) -> None:
-        bare: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-        bare |= {"forceinline": True, **COMMON, **options}
-        self.dispatcher: Any = njit(**bare)(function)
+    def __init__(self, function: Callable[..., Any]) -> None:
+        options: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+        options |= {"forceinline": True, **COMMON}
+        self.dispatcher: Any = njit(**options)(function)
         self.py_func = function
         update_wrapper(self, function)
 

@@ -11,10 +11,10 @@ import math
 import numpy as np
 
 from star_core import Array
+from star_core.toolkit import subroutine
 from star_sim.airframe import CYCLE, DRAG_XY, DRAG_Z, HEIGHT, INERTIA_XY, MASS
-from star_sim.compiled import Record, compiled
 from star_sim.contact import SWEEP
-from star_sim.drone import OFF
+from star_sim.drone import OFF, Record
 from star_sim.powertrain import DRAG, MOMENT
 from star_sim.sensors import gauss_markov
 
@@ -80,7 +80,7 @@ class Wind:
         return air
 
 
-@compiled
+@subroutine
 def downwash(depth: float, squared: float, thrust: float) -> float:
     """Return the force of one drone's downwash on another, N, downwards.
 
@@ -96,7 +96,7 @@ def downwash(depth: float, squared: float, thrust: float) -> float:
     return MEASURED_SHARE * thrust * nearer * nearer * shape * shape * shape * shape
 
 
-@compiled
+@subroutine
 def wash(drones: Record, order: Record, keys: Record, near: Record) -> None:
     """Fill in the sum of the downwash on every drone.
 
@@ -128,14 +128,14 @@ def wash(drones: Record, order: Record, keys: Record, near: Record) -> None:
                 near[order[lower], LOAD] += force
 
 
-@compiled
+@subroutine
 def cushion(height: float) -> float:
     """Return the share by which the ground raises the thrust at a height of the propellers, m."""
     ratio = PROPELLER_RADIUS / (4.0 * max(height, LOWEST))
     return COEFFICIENT * ratio * ratio
 
 
-@compiled
+@subroutine
 def push(drone: Record, wind: Record, washed: Record, cascade: Record) -> None:
     """Change the velocity of one drone by the forces of the air over one cycle.
 

@@ -6,8 +6,8 @@ roll and pitch of the firmware's filter stay within 0.3°.
 
 from __future__ import annotations
 
+from star_core.toolkit import subroutine
 from star_sim.airframe import ARM, INERTIA_XY, INERTIA_Z, THRUST_MIN, TORQUE_PER_THRUST
-from star_sim.compiled import compiled
 
 ATTITUDE_GAIN = 8.0  # 1/s; the firmware's is 6, made for a faster rate loop
 RATE_GAIN = 20.0  # 1/s: damping 0.65 with a motor lag of 0.03 s
@@ -17,13 +17,13 @@ _THRUST_PER_RATE = INERTIA_XY * RATE_GAIN / (4 * ARM)  # N s/rad, of one motor
 _THRUST_PER_YAW_RATE = INERTIA_Z * YAW_RATE_GAIN / (4 * TORQUE_PER_THRUST)  # N s/rad
 
 
-@compiled
+@subroutine
 def most(a: float, b: float) -> float:
     """Return the greater of two numbers; `max` minds what is not a number and is slower for it."""
     return a if a > b else b  # noqa: FURB136 -- see above
 
 
-@compiled
+@subroutine
 def mix(
     lift: float,
     aside: float,

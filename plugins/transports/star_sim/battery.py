@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import math
 
+from star_core.toolkit import subroutine
 from star_sim.airframe import CYCLE, HOVER_THRUST, THRUST_MAX, THRUST_OF_VOLTAGE
-from star_sim.compiled import Record, compiled
 from star_sim.discharge import HOVER_CURRENT, VOLTAGE_OF_CHARGE
+from star_sim.drone import Record
 
 ELECTRONICS_CURRENT = 0.1  # A, assumed
 CURRENT_PER_POWER = (HOVER_CURRENT - ELECTRONICS_CURRENT) / (4 * HOVER_THRUST**1.5)  # A / N^1.5
 
 
-@compiled
+@subroutine
 def open_voltage(charge: float) -> float:
     """Return the voltage without load at a fraction of charge, V."""
     position = min(max(charge, 0.0), 1.0) * 10
@@ -21,14 +22,14 @@ def open_voltage(charge: float) -> float:
     return low + (position - below) * (high - low)
 
 
-@compiled
+@subroutine
 def thrust_at(voltage: float) -> float:
     """Return the maximum thrust of one motor at a voltage, N (``platform_defaults_cf2.h``)."""
     a, b, c, d = THRUST_OF_VOLTAGE
     return min(max(a + voltage * (b + voltage * (c + voltage * d)), 0.0), THRUST_MAX)
 
 
-@compiled
+@subroutine
 def drain(drone: Record, resistance: float) -> None:
     """Discharge one drone's battery by one cycle, and set its voltage and motor limit.
 

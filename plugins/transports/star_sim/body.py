@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 
+from star_core.toolkit import subroutine
 from star_sim.airframe import (
     ARM,
     DRAG_XY,
@@ -63,8 +64,7 @@ from star_sim.batch import (
     Y,
     Z,
 )
-from star_sim.compiled import Record, compiled
-from star_sim.drone import OFF
+from star_sim.drone import OFF, Record
 from star_sim.powertrain import DRAG, turn
 from star_sim.stabilizer import GAINS, stabilize
 
@@ -74,7 +74,7 @@ SETTLE = 0.9  # of the tilt is left after a step of standing on the floor
 _GYROSCOPIC = (INERTIA_XY - INERTIA_Z) / INERTIA_XY
 
 
-@compiled
+@subroutine
 def fly(drones: Record, cascades: Record, first: int, steps: int, batch: Record) -> None:
     """Step up to eight drones from row `first` on by `steps` steps.
 
@@ -113,7 +113,7 @@ def fly(drones: Record, cascades: Record, first: int, steps: int, batch: Record)
             _restore_cascade(cascades[first + i], batch, i)
 
 
-@compiled
+@subroutine
 def _push(s: Record, i: int) -> tuple[float, float, float, float]:
     """Return the thrust of the motors of drone number `i` in a batch, by the ideal controller."""
     qx, qy, qz, qw = s[QX + i], s[QY + i], s[QZ + i], s[QW + i]
@@ -142,7 +142,7 @@ def _push(s: Record, i: int) -> tuple[float, float, float, float]:
     )
 
 
-@compiled
+@subroutine
 def _move(s: Record, i: int, thrust: tuple[float, float, float, float], drag: float) -> None:
     """Step the rigid body of drone number `i` in a batch under the thrust of its motors, N."""
     vx, vy, vz = s[VX + i], s[VY + i], s[VZ + i]
@@ -186,7 +186,7 @@ def _move(s: Record, i: int, thrust: tuple[float, float, float, float], drag: fl
     s[F1 + i], s[F2 + i], s[F3 + i], s[F4 + i] = f1, f2, f3, f4
 
 
-@compiled
+@subroutine
 def _interleave(drone: Record, s: Record, i: int) -> None:
     """Write one drone's data into a batch, as drone number `i`."""
     for axis in range(3):
@@ -202,7 +202,7 @@ def _interleave(drone: Record, s: Record, i: int) -> None:
     s[CEILING + i] = drone.thrust_limit
 
 
-@compiled
+@subroutine
 def _restore(drone: Record, s: Record, i: int) -> None:
     """Copy the data that a step changes from drone number `i` of a batch."""
     for axis in range(3):
@@ -213,7 +213,7 @@ def _restore(drone: Record, s: Record, i: int) -> None:
         drone.attitude[k], drone.thrust[k] = s[QX + LANES * k + i], s[F1 + LANES * k + i]
 
 
-@compiled
+@subroutine
 def _interleave_cascade(drone: Record, cascade: Record, s: Record, i: int) -> None:
     """Write the state of one drone's controller into a batch, as drone number `i`."""
     s[TARGET_ROLL + i], s[TARGET_PITCH + i] = cascade.target_tilt[0], cascade.target_tilt[1]
@@ -234,7 +234,7 @@ def _interleave_cascade(drone: Record, cascade: Record, s: Record, i: int) -> No
             s[ON + LANES * motor + i] = 0.0
 
 
-@compiled
+@subroutine
 def _restore_cascade(cascade: Record, s: Record, i: int) -> None:
     """Copy what a step changes in the controller of drone number `i` of a batch."""
     cascade.angles[0], cascade.angles[1] = s[ROLL + i], s[PITCH + i]

@@ -12,9 +12,9 @@ from typing import Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from star_core.toolkit import subroutine
 from star_sim.airframe import CYCLE, GRAVITY
-from star_sim.compiled import Record, compiled
-from star_sim.drone import DEMAND, FREE, OFF, POSITION, TRAJECTORY, VELOCITY
+from star_sim.drone import DEMAND, FREE, OFF, POSITION, TRAJECTORY, VELOCITY, Record
 from star_sim.position import wrap
 from star_sim.powertrain import FIRMWARE_THRUST_MAX, FULL
 from star_sim.stabilizer import MELLINGER, PID
@@ -78,7 +78,7 @@ def cascades(count: int, controller: int) -> Cascades:
     return table
 
 
-@compiled
+@subroutine
 def regulate(drone: Record, cascade: Record, lead: Record) -> None:
     """Set the angles and the thrust that take one drone to its reference.
 
@@ -119,7 +119,7 @@ def regulate(drone: Record, cascade: Record, lead: Record) -> None:
         cascade.thrust = drone.lift * (FULL / (4 * FIRMWARE_THRUST_MAX))
 
 
-@compiled
+@subroutine
 def _reset(cascade: Record) -> None:
     """Forget everything, as the firmware does while the thrust is none."""
     cascade.thrust = 0.0
@@ -130,7 +130,7 @@ def _reset(cascade: Record) -> None:
     cascade.target_tilt[0], cascade.target_tilt[1] = cascade.angles[0], cascade.angles[1]
 
 
-@compiled
+@subroutine
 def _steer(drone: Record, cascade: Record, cos: float, sin: float) -> None:
     """Set the roll and pitch of the PID controller, from the horizontal axes of the reference."""
     east, north = drone.reference_velocity[0], drone.reference_velocity[1]
@@ -147,7 +147,7 @@ def _steer(drone: Record, cascade: Record, cos: float, sin: float) -> None:
     cascade.target_tilt[0] = -_tilt(cascade, 1, aside - cos * north + sin * east)
 
 
-@compiled
+@subroutine
 def _tilt(cascade: Record, axis: int, missing: float) -> float:
     """Return the angle for a missing velocity, m/s, ahead or aside; the latter is rolled left."""
     summed = cascade.velocity_integral[axis] + CYCLE * missing
@@ -157,7 +157,7 @@ def _tilt(cascade: Record, axis: int, missing: float) -> float:
     return float(min(max(angle, -TILT_LIMIT), TILT_LIMIT))
 
 
-@compiled
+@subroutine
 def _climb(drone: Record, cascade: Record) -> None:
     """Set the thrust command of the PID controller, from the vertical axis of the reference."""
     target = drone.reference_velocity[2]
@@ -175,13 +175,13 @@ def _climb(drone: Record, cascade: Record) -> None:
     cascade.thrust = min(max(THRUST_BASE + more, THRUST_LEAST), FULL)
 
 
-@compiled
+@subroutine
 def _position_controlled(drone: Record, axis: int) -> bool:
     """Whether an axis is under position control."""
     return bool(drone.mode == TRAJECTORY or (drone.mode == DEMAND and drone.axes[axis] == POSITION))
 
 
-@compiled
+@subroutine
 def _mellinger(
     drone: Record, cascade: Record, lead: Record, cos: float, sin: float, share: float
 ) -> None:
@@ -198,7 +198,7 @@ def _mellinger(
     cascade.target_tilt[1] = math.atan2(ahead, up)
 
 
-@compiled
+@subroutine
 def _force(drone: Record, cascade: Record, lead: Record, axis: int) -> float:
     """Return the force along one axis of the odometry frame that its errors ask for, N."""
     velocity = drone.reference_velocity[axis]

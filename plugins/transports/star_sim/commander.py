@@ -27,10 +27,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from star_core import Array, Command, Order, Rows
-from star_core.toolkit import polynomial, wrap_angle
+from star_core.toolkit import compiled, polynomial, subroutine, wrap_angle
 from star_sim.airframe import CYCLE
-from star_sim.compiled import Record, compiled, kernel
-from star_sim.drone import DEMAND, OFF, TRAJECTORY, VELOCITY, Drones
+from star_sim.drone import DEMAND, OFF, TRAJECTORY, VELOCITY, Drones, Record
 from star_sim.position import wrap
 
 if TYPE_CHECKING:
@@ -46,10 +45,10 @@ _ENDING = np.linalg.inv(
     np.array([[1, 1, 1, 1], [4, 5, 6, 7], [12, 20, 30, 42], [24, 60, 120, 210]], float)
 )
 
-_polynomial = compiled(polynomial)
+_polynomial = subroutine(polynomial)
 
 
-@compiled
+@subroutine
 def follow(drone: Record, now: float) -> None:
     """Set the reference of one drone at mission time `now`, s."""
     if drone.mode == TRAJECTORY and drone.finished == 0:
@@ -66,7 +65,7 @@ def follow(drone: Record, now: float) -> None:
         _follow_demand(drone)
 
 
-@compiled
+@subroutine
 def _follow_demand(drone: Record) -> None:
     """Advance a demand's angles by its rates, and rotate its velocity with the drone."""
     if drone.turn_rate != 0.0:
@@ -82,7 +81,7 @@ def _follow_demand(drone: Record) -> None:
         drone.reference_velocity[1] = sin * ahead + cos * aside
 
 
-@compiled
+@subroutine
 def _follow_trajectory(drone: Record, passed: float) -> None:
     """Set the reference to the point of the trajectory after a fraction `passed` of its time."""
     u = min(passed, 1.0)
@@ -173,7 +172,7 @@ def obey(drones: Drones, command: Command, now: float) -> None:
         drones["mode"][rows] = TRAJECTORY
 
 
-@kernel
+@compiled
 def take(drones: Drones, velocity: Array, yaw: Array, active: Mask, now: float) -> None:
     """Fly the setpoints of the active rows from mission time `now`, s, on.
 

@@ -13,9 +13,10 @@ import math
 import numpy as np
 
 from star_core import Array, Rows, World
+from star_core.toolkit import subroutine
 from star_sim.airframe import CYCLE, FRAME_RADIUS, HEIGHT
 from star_sim.body import GRIP, SETTLE
-from star_sim.compiled import Record, compiled
+from star_sim.drone import Record
 
 BOUNCE = 0.2  # of the closing speed, assumed
 # Drones are sorted along a direction in which neither a row, a column nor a stack coincides.
@@ -46,7 +47,7 @@ def prisms(world: World) -> tuple[Array, Rows, Array]:
     )
 
 
-@compiled
+@subroutine
 def separate(drones: Record, order: Record, keys: Record) -> None:
     """Push apart all drones whose frames touch.
 
@@ -78,7 +79,7 @@ def separate(drones: Record, order: Record, keys: Record) -> None:
             _bounce(drones[row], drones[order[other]])
 
 
-@compiled
+@subroutine
 def _bounce(first: Record, second: Record) -> None:
     """Move two drones apart along the line between them, if they overlap."""
     dx = second.position[0] - first.position[0]
@@ -105,7 +106,7 @@ def _bounce(first: Record, second: Record) -> None:
     second.position[2] = max(0.0, second.position[2])
 
 
-@compiled
+@subroutine
 def keep_out(drone: Record, boxes: Record, spans: Record, edges: Record) -> None:
     """Push one drone out of every prism it touches.
 
@@ -128,7 +129,7 @@ def keep_out(drone: Record, boxes: Record, spans: Record, edges: Record) -> None
             _push_out(drone, box, edges[spans[piece, 0] : spans[piece, 1]])
 
 
-@compiled
+@subroutine
 def surface_below(drone: Record, boxes: Record, spans: Record, edges: Record) -> None:
     """Store the height of the floor or the highest obstacle below the center of one drone, m."""
     x, y, z = drone.position[0], drone.position[1], drone.position[2]
@@ -142,7 +143,7 @@ def surface_below(drone: Record, boxes: Record, spans: Record, edges: Record) ->
                 drone.surface = box[5]
 
 
-@compiled
+@subroutine
 def _push_out(drone: Record, box: Record, edges: Record) -> None:
     """Push one drone out of a prism by the shortest way: sideways, up, or down."""
     distance, nx, ny = _way_out(drone.position[0], drone.position[1], edges)
@@ -166,7 +167,7 @@ def _push_out(drone: Record, box: Record, edges: Record) -> None:
         drone.velocity[2] = min(0.0, drone.velocity[2])
 
 
-@compiled
+@subroutine
 def _stand(drone: Record, top: float) -> None:
     """Hold one drone on top of a prism, and level it if it is upright, like the floor."""
     drone.position[2] = top
@@ -183,7 +184,7 @@ def _stand(drone: Record, top: float) -> None:
         drone.attitude[2], drone.attitude[3] = unit * qz, unit * qw
 
 
-@compiled
+@subroutine
 def _way_out(x: float, y: float, edges: Record) -> tuple[float, float, float]:
     """Return how far a point is from a polygon, less than 0 inside, and the unit vector out of it.
 

@@ -6,7 +6,7 @@ step of one drone) and the data of one drone together in the cache.
 
 from __future__ import annotations
 
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,8 @@ FREE, SPEED, POSITION = 0, 1, 2  # control of an axis by a demand: none, velocit
 SCALED_BIAS = 1 / 6
 """Share of the accelerometer's constant error that is left along z, since the firmware scales it at
 rest so that it measures gravity (``processAccScale``). NanoBench: 2 mg along z, 19 mg along x."""
+
+Record: TypeAlias = Any  # one row of a table of `DRONE`; mypy cannot know its fields
 
 DRONE = np.dtype(
     [

@@ -11,9 +11,9 @@ from __future__ import annotations
 
 import math
 
+from star_core.toolkit import subroutine
 from star_sim.airframe import CYCLE, GRAVITY, STEP, STEPS_PER_CYCLE, THRUST_MIN
-from star_sim.compiled import Record, compiled
-from star_sim.drone import OFF
+from star_sim.drone import OFF, Record
 from star_sim.position import wrap
 from star_sim.sensors import flow, ranged
 
@@ -36,7 +36,7 @@ SAMPLE = 13  # numbers of a sample
 RESTING = 0.01  # m/s: slower with its motors off, a drone stands still and knows it
 
 
-@compiled
+@subroutine
 def believe(
     drone: Record,
     cycle: int,
@@ -108,7 +108,7 @@ def believe(
     sample[10] = drone.believed_yaw
 
 
-@compiled
+@subroutine
 def _feel(drone: Record, imu: Record, sample: Record) -> None:
     """Write what the accelerometer measures along x and y of the body in a cycle, m/s².
 
@@ -133,14 +133,14 @@ def _feel(drone: Record, imu: Record, sample: Record) -> None:
     sample[11], sample[12] = ahead, aside
 
 
-@compiled
+@subroutine
 def _rests(drone: Record) -> bool:
     """Whether a drone is at rest with its motors off, so that its estimate does not drift."""
     speed = drone.velocity[0] ** 2 + drone.velocity[1] ** 2 + drone.velocity[2] ** 2
     return bool(drone.mode == OFF and drone.thrust[0] < THRUST_MIN and speed < RESTING**2)
 
 
-@compiled
+@subroutine
 def _know(drone: Record) -> None:
     """Set the estimate to the true position and velocity, in the odometry frame."""
     x, y = drone.position[0] - drone.origin[0], drone.position[1] - drone.origin[1]
@@ -152,7 +152,7 @@ def _know(drone: Record) -> None:
     drone.believed_velocity[2] = drone.velocity[2]
 
 
-@compiled
+@subroutine
 def _dead_reckon(
     drone: Record,
     cycle: int,
@@ -191,7 +191,7 @@ def _dead_reckon(
     drone.believed_velocity[2] = vz
 
 
-@compiled
+@subroutine
 def _tilt(drone: Record, turned: float, imu: Record) -> None:
     """Carry the error of the estimated tilt through one cycle.
 
@@ -205,7 +205,7 @@ def _tilt(drone: Record, turned: float, imu: Record) -> None:
     drone.tilt_error[1] = pitch - turned * roll + CYCLE * imu[2]
 
 
-@compiled
+@subroutine
 def _reckon_with_imu(
     drone: Record,
     cycle: int,
@@ -262,7 +262,7 @@ def _reckon_with_imu(
     drone.believed_velocity[2] = vz
 
 
-@compiled
+@subroutine
 def lean(drone: Record) -> None:
     """Turn the push of one drone by the error of its estimated tilt.
 

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from star_core.toolkit import compiled, subroutine
 from star_sim.aerodynamics import push, wash
 from star_sim.airframe import STEP, STEPS_PER_CYCLE
 from star_sim.batch import BATCH_SIZE, LANES
@@ -13,9 +14,9 @@ from star_sim.battery import drain
 from star_sim.body import fly
 from star_sim.cascade import regulate
 from star_sim.commander import follow
-from star_sim.compiled import Record, compiled, kernel
 from star_sim.contact import keep_out, separate, surface_below
 from star_sim.discharge import CASCADE_RESISTANCE, RESISTANCE
+from star_sim.drone import Record
 from star_sim.estimator import believe, lean
 from star_sim.position import aim
 from star_sim.supervisor import bits, supervise
@@ -23,7 +24,7 @@ from star_sim.supervisor import bits, supervise
 BLOCK = 128  # cycles of random numbers, and of samples, that are kept at once
 
 
-@kernel
+@compiled
 def advance(  # noqa: C901, PLR0913, PLR0917 -- see star_sim.drone for why there are no more
     drones: Record,
     cascades: Record,
@@ -110,7 +111,7 @@ def advance(  # noqa: C901, PLR0913, PLR0917 -- see star_sim.drone for why there
                 believe(drone, cycle, normals[row, i], texture, noisy, errors, samples[row, i])
 
 
-@compiled
+@subroutine
 def _control(drone: Record, cascade: Record, lead: Record, now: float, imu: Record) -> None:
     """Run the control loops of one drone at the start of a cycle."""
     follow(drone, now)
@@ -123,7 +124,7 @@ def _control(drone: Record, cascade: Record, lead: Record, now: float, imu: Reco
         lean(drone)
 
 
-@kernel
+@compiled
 def report(drones: Record, now: float, attitude: Record, state: Record) -> None:
     """Write each drone's estimated attitude and the bits of its state.
 

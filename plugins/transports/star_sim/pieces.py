@@ -14,8 +14,7 @@ import numpy as np
 from star_core import Array, Mask, Rows, Trajectory
 from star_core.toolkit import polynomial, transformed
 from star_sim.airframe import NEVER, STEP, STEPS_PER_CYCLE
-from star_sim.compiled import Record
-from star_sim.drone import TRAJECTORY, Drones
+from star_sim.drone import TRAJECTORY, Drones, Record
 
 ORDER: Final = 7
 HOVER_TIME: Final = 3.0  # s after a climb or a trajectory; then the drone comes down

@@ -7,10 +7,9 @@ from __future__ import annotations
 
 import math
 
-from star_core.toolkit import wrap_angle
+from star_core.toolkit import subroutine, wrap_angle
 from star_sim.airframe import CYCLE, GRAVITY, MASS
-from star_sim.compiled import Record, compiled
-from star_sim.drone import DEMAND, FREE, OFF, POSITION, TRAJECTORY
+from star_sim.drone import DEMAND, FREE, OFF, POSITION, TRAJECTORY, Record
 
 POSITION_GAIN = 2.0  # 1/s, the firmware's
 POSITION_SPEED = 1.0  # m/s, greatest that the position loop asks for, along each axis; as firmware
@@ -25,10 +24,10 @@ MOST_LIFT = 1.5 * MASS * GRAVITY  # N
 YAW_GAIN = 3.0  # 1/s
 YAW_RATE_LIMIT = 2.0  # rad/s
 
-wrap = compiled(wrap_angle)  # callable from kernels
+wrap = subroutine(wrap_angle)  # callable from kernels
 
 
-@compiled
+@subroutine
 def aim(drone: Record) -> None:
     """Set the push and the yaw rate that take one drone to its reference.
 
@@ -56,7 +55,7 @@ def aim(drone: Record) -> None:
     drone.yaw_rate = min(max(rate, -YAW_RATE_LIMIT), YAW_RATE_LIMIT)
 
 
-@compiled
+@subroutine
 def _tilt(drone: Record, lift: float) -> None:
     """Set the push along the body's z axis at the tilt of a demand.
 
@@ -77,7 +76,7 @@ def _tilt(drone: Record, lift: float) -> None:
     drone.windup[0] = drone.windup[1] = 0.0
 
 
-@compiled
+@subroutine
 def _acceleration(drone: Record, axis: int, gain: float) -> float:
     """Return the commanded acceleration along one axis of the odometry frame, m/s².
 

@@ -12,9 +12,10 @@ from __future__ import annotations
 
 import math
 
+from star_core.toolkit import subroutine
 from star_sim.airframe import INERTIA_XY, STEP
 from star_sim.batch import QW, QX, QY, QZ, VX, VY, VZ, P, Q
-from star_sim.compiled import Record, compiled
+from star_sim.drone import Record
 
 # Thrust of one motor over the square of its mean voltage, which is its share of PWM times the
 # battery's voltage.
@@ -42,7 +43,7 @@ _START = (0.2933292, 39.3776976, -162.510797, 257.239973)
 _LAG_STEP = 1.0 - math.exp(-STEP / MOTOR_LAG)  # of the way to the wanted thrust, in one step
 
 
-@compiled
+@subroutine
 def turn(s: Record, i: int) -> None:
     """Step the rates of drone number `i` in a batch under the moment of the air."""
     x, y, z, w = s[QX + i], s[QY + i], s[QZ + i], s[QW + i]
@@ -53,7 +54,7 @@ def turn(s: Record, i: int) -> None:
     s[Q + i] -= STEP * MOMENT / INERTIA_XY * ahead
 
 
-@compiled
+@subroutine
 def motor_voltage(command: float) -> float:
     """Return the voltage that the firmware gives a motor for a thrust command of 65535.
 
@@ -74,7 +75,7 @@ def motor_voltage(command: float) -> float:
     return volts if thrust >= FIRMWARE_THRUST_MIN else 0.0
 
 
-@compiled
+@subroutine
 def motor_thrust(thrust: float, voltage: float) -> float:
     """Return a motor's thrust one step later, N, at a mean voltage, V."""
     return thrust + _LAG_STEP * (THRUST_PER_SQUARED_VOLTAGE * voltage * voltage - thrust)

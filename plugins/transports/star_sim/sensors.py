@@ -12,9 +12,9 @@ import math
 import numpy as np
 
 from star_core import Array
+from star_core.toolkit import subroutine
 from star_sim.airframe import CYCLE
-from star_sim.compiled import Record, compiled
-from star_sim.drone import Drones
+from star_sim.drone import Drones, Record
 from star_sim.error_profile import ErrorProfile
 
 # Once per flight.
@@ -155,7 +155,7 @@ class Wander:
         return errors
 
 
-@compiled
+@subroutine
 def flow(
     drone: Record,
     normal: Record,
@@ -195,14 +195,14 @@ def flow(
     return first * back + drone.velocity_bias[0], second * back + drone.velocity_bias[1]
 
 
-@compiled
+@subroutine
 def ranged(height: float, normal: float) -> float:
     """Return the height measured by the VL53L1x, m, to 1 mm; its noise grows from 2.5 m on."""
     deviation = 0.0025 * (1 + math.exp(2.92 * (height - 2.5)))
     return math.floor((height + deviation * normal) * 1000 + 0.5) / 1000
 
 
-@compiled
+@subroutine
 def _count(drone: Record, axis: int, flow: float) -> float:
     """Return the integer counts of a flow, clipped to the sensor's outlier limit."""
     flow += drone.flow_rest[axis]
@@ -211,7 +211,7 @@ def _count(drone: Record, axis: int, flow: float) -> float:
     return min(max(whole, -OUTLIER), OUTLIER)
 
 
-@compiled
+@subroutine
 def _texture_at(texture: Record, x: float, y: float) -> float:
     """Return the scale error at a point of the map, interpolated linearly on the lattice."""
     x, y = x / TEXTURE_PITCH, y / TEXTURE_PITCH

@@ -13,6 +13,7 @@ from typing import Final
 
 import numpy as np
 
+from star_core.toolkit import subroutine
 from star_sim.airframe import STEP
 from star_sim.attitude import most
 from star_sim.batch import (
@@ -40,7 +41,7 @@ from star_sim.batch import (
     Q,
     R,
 )
-from star_sim.compiled import Record, compiled
+from star_sim.drone import Record
 from star_sim.powertrain import FULL, motor_thrust, motor_voltage
 
 PID, MELLINGER = 0, 1  # rows of `GAINS`
@@ -70,13 +71,13 @@ TILT_RATE_INTEGRAL, YAW_RATE_INTEGRAL = 33.3 * _DEGREE, 166.7 * _DEGREE  # rad
 TORQUE_LIMIT = 32767.0  # of a thrust command: they are 16-bit numbers
 
 
-@compiled
+@subroutine
 def within(value: float, limit: float) -> float:
     """Return a value clipped to plus or minus a limit."""
     return -most(-most(value, -limit), -limit)
 
 
-@compiled
+@subroutine
 def stabilize(s: Record, i: int) -> tuple[float, float, float, float]:
     """Return the motors' thrust of drone number `i` in a batch, by the firmware's controllers.
 
@@ -120,7 +121,7 @@ def stabilize(s: Record, i: int) -> tuple[float, float, float, float]:
     )
 
 
-@compiled
+@subroutine
 def _tilt_torque(s: Record, i: int, axis: int, error: float, rate: float) -> float:
     """Return the torque command of roll (axis 0) or pitch (1) from the error of its angle, rad."""
     at = LANES * axis + i
@@ -137,7 +138,7 @@ def _tilt_torque(s: Record, i: int, axis: int, error: float, rate: float) -> flo
     return within(torque - s[GAIN + 4 * LANES + i] * turned, TORQUE_LIMIT)
 
 
-@compiled
+@subroutine
 def _yaw_torque(s: Record, i: int, error: float, rate: float) -> float:
     """Return the torque command of yaw from the error of the heading, rad."""
     at = INTEGRAL + 2 * LANES + i

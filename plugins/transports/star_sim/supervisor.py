@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from star_core import Supervisor
+from star_core.toolkit import subroutine
 from star_sim.airframe import CYCLE
-from star_sim.compiled import Record, compiled
-from star_sim.drone import OFF, TRAJECTORY
+from star_sim.drone import OFF, TRAJECTORY, Record
 
 FLYING_FOR = 2.0  # s after the motors were last on, as the firmware's is-flying hysteresis
 TILTED = 0.5  # share of gravity along the body's z axis: 60°
@@ -30,7 +30,7 @@ _CAN_ARM, _ARMED, _AUTO_ARM, _CAN_FLY, _FLYING, _TUMBLED, _LOCKED, _CRASHED, _AC
 )
 
 
-@compiled
+@subroutine
 def supervise(drone: Record, now: float) -> None:
     """Record when the motors are on, and stop them if the drone has tumbled.
 
@@ -49,7 +49,7 @@ def supervise(drone: Record, now: float) -> None:
             drone.crashed = 1
 
 
-@compiled
+@subroutine
 def bits(drone: Record, now: float) -> int:
     """Return one drone's bits of `Supervisor` at mission time `now`, s."""
     state = _AUTO_ARM

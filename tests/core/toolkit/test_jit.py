@@ -188,6 +188,22 @@ def test_a_division_by_zero_is_infinite() -> None:
     assert over(1.0, 0.0) == math.inf
 
 
+def test_sums_are_neither_fused_with_products_nor_reordered() -> None:
+    @compiled
+    def fused(a: float, b: float, c: float) -> float:
+        return a * b + c
+
+    @compiled
+    def total(values: Any) -> float:
+        most = 0.0
+        for value in values:
+            most += value
+        return most
+
+    assert fused(1 + 2**-30, 1 - 2**-30, -1.0) == 0.0  # the exact result is -(2**-60)
+    assert total(np.array([1e16, *[1.0] * 30, -1e16])) == 0.0
+
+
 def test_only_the_branch_for_an_argument_is_compiled() -> None:
     @compiled
     def length(values: Any) -> float:

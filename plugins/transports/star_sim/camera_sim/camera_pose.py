@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from star_core import Array, Camera
-from star_core.toolkit import CameraModel, distort
-from star_sim.compiled import Record, compiled, kernel
+from star_core.toolkit import CameraModel, compiled, distort, subroutine
+from star_sim.drone import Record
 
 POSE = 12
 
@@ -55,13 +55,13 @@ def mounting(camera: Camera) -> Array:
     return np.concatenate([pose.rotation.ravel(), pose.position])
 
 
-@compiled
+@subroutine
 def row_time(lens: Optics, v: float) -> float:
     """Return the middle of the exposure of row `v`, s after that of the middle row."""
     return float(lens.readout * (v / (lens.height - 1.0) - 0.5))
 
 
-@kernel
+@compiled
 def poses(shot: Array, mount: Array, lens: Optics, slices: int) -> Array:
     """Return the camera's poses, (height, slices, 12), in equal slices of each row's exposure."""
     table = np.empty((int(lens.height), slices, POSE))
@@ -72,7 +72,7 @@ def poses(shot: Array, mount: Array, lens: Optics, slices: int) -> Array:
     return table
 
 
-@compiled
+@subroutine
 def camera_at(shot: Record, mount: Record, time: float, pose: Record) -> None:
     """Compute the camera's pose some time after the middle of a shot.
 
@@ -154,11 +154,11 @@ def rays(camera: Camera) -> Array:
     return np.ascontiguousarray(np.moveaxis(table, -1, 0))
 
 
-@compiled
+@subroutine
 def pixel(lens: Optics, x: float, y: float) -> tuple[float, float]:
     """Return the pixel u, v of the direction (x, y, 1) in the camera's frame."""
     across, down = _distort(x, y, lens.k1, lens.k2, lens.p1, lens.p2, lens.k3)
     return lens.fx * across + lens.cx, lens.fy * down + lens.cy
 
 
-_distort = compiled(distort)
+_distort = subroutine(distort)

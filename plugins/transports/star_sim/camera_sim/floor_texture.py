@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from star_core import Rows
+from star_core.toolkit import compiled, subroutine
 from star_sim.camera_sim.camera_pose import Canvas, Exposure
 from star_sim.camera_sim.projection import plane_homography
-from star_sim.compiled import Record, compiled, kernel
+from star_sim.drone import Record
 
 TEXEL = 0.0025  # m
 SIDE = 1024  # texels, a power of two: the floor repeats after 2.56 m
@@ -56,7 +57,7 @@ def floor(seed: int) -> Floor:
     )
 
 
-@kernel
+@compiled
 def draw_floor(
     canvas: Canvas, exposure: Exposure, floor: Floor, ground: Record, slices: int
 ) -> None:
@@ -96,7 +97,7 @@ def draw_floor(
             light[v, u] += gap[v, u] * (gray if depth[v, u] == math.inf else shade[v, u])
 
 
-@compiled
+@subroutine
 def _intersect(
     xs: Record, ys: Record, map_: Record, away: float, across: Record, down: Record, reach: Record
 ) -> None:
@@ -124,7 +125,7 @@ def _intersect(
         reach[u] = away * w
 
 
-@compiled
+@subroutine
 def _sample(
     across: Record, down: Record, reach: Record, floor: Floor, limits: Record, total: Record
 ) -> None:

@@ -7,13 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from star_core import Array, Camera, Mask, Pose, Rows, Tag, World
-from star_core.toolkit import rotation_from_quaternion
+from star_core.toolkit import compiled, rotation_from_quaternion
 from star_sim.camera_sim.camera_pose import Shot, mounting, optics
 from star_sim.camera_sim.obstacle_rasterizer import Prisms, blocked
 from star_sim.camera_sim.projection import project
 from star_sim.camera_sim.tag_rasterizer import MAX_EMBEDDING, MODULES, corners, tag_frames
-from star_sim.compiled import Record, kernel
 from star_sim.contact import prisms
+from star_sim.drone import Record
 
 BORDER = 3.0  # px, OpenCV's detector takes no corner that is nearer to the edge of the image
 MIN_MODULE = 1.65  # px; of rendered tags with smaller modules, OpenCV finds fewer than half
@@ -89,7 +89,7 @@ def _module(pixels: Array) -> Array:
     return width
 
 
-@kernel
+@compiled
 def hidden(eye: Record, points: Record, prisms: Prisms) -> Mask:
     """Return which tags are partly hidden by a prism, (K,).
 

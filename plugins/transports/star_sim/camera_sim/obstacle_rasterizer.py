@@ -8,9 +8,10 @@ from typing import TypeAlias
 import numpy as np
 
 from star_core import Array
+from star_core.toolkit import compiled, subroutine
 from star_sim.camera_sim.camera_pose import Canvas, Exposure
 from star_sim.camera_sim.projection import touch
-from star_sim.compiled import Record, compiled, kernel
+from star_sim.drone import Record
 
 Point: TypeAlias = tuple[float, float, float]  # in the map, m
 Prisms: TypeAlias = tuple[
@@ -29,7 +30,7 @@ def faces(boxes: Array) -> Array:
     return np.where(np.reshape(units, (6, 4, 3)), high, low)
 
 
-@kernel
+@compiled
 def draw_prisms(canvas: Canvas, exposure: Exposure, faces: Record, prisms: Prisms) -> None:
     """Draw the depth and shade of the nearest prism along each ray, amid the exposure.
 
@@ -66,7 +67,7 @@ def draw_prisms(canvas: Canvas, exposure: Exposure, faces: Record, prisms: Prism
                     depth[v, u], shade[v, u] = reach, gray
 
 
-@compiled
+@subroutine
 def blocked(eye: Point, point: Point, slack: float, prisms: Prisms) -> bool:
     """Return whether a prism hides a point of the map, `slack` m or more in front of it."""
     boxes, spans, edges = prisms
@@ -79,7 +80,7 @@ def blocked(eye: Point, point: Point, slack: float, prisms: Prisms) -> bool:
     return False
 
 
-@compiled
+@subroutine
 def intersect(eye: Point, way: Point, box: Record, around: Record) -> tuple[float, float]:
     """Intersect the ray ``eye + reach * way`` with a prism.
 

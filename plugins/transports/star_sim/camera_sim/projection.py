@@ -7,8 +7,9 @@ import math
 import numpy as np
 
 from star_core import Array
+from star_core.toolkit import compiled, subroutine
 from star_sim.camera_sim.camera_pose import POSE, Exposure, Optics, camera_at, pixel, row_time
-from star_sim.compiled import Record, compiled, kernel
+from star_sim.drone import Record
 
 NEAR = 1e-3  # m, distance to the camera's plane below which nothing is seen
 CONVERGED = 1e-9  # px
@@ -17,7 +18,7 @@ PIECES = 4  # of an edge whose ends are projected: the lens bends edges
 MARGIN = 2  # px, around a region: for the spread of light, and for motion in between
 
 
-@kernel
+@compiled
 def project(points: Array, shot: Array, mount: Array, lens: Optics) -> Array:
     """Return the pixels at which points of the map are seen.
 
@@ -55,7 +56,7 @@ def project(points: Array, shot: Array, mount: Array, lens: Optics) -> Array:
     return projected
 
 
-@compiled
+@subroutine
 def touch(corners: Record, exposure: Exposure, region: Record) -> None:  # noqa: C901 -- one function compiles faster
     """Extend a region of the image by the pixels of a flat quadrangle.
 
@@ -114,7 +115,7 @@ def touch(corners: Record, exposure: Exposure, region: Record) -> None:  # noqa:
                 region[3] = max(region[3], min(int(lens.height), math.ceil(v) + MARGIN + 1))
 
 
-@compiled
+@subroutine
 def plane_homography(
     pose: Record, frame: Record, unit: float, middle: float, map_: Record
 ) -> float:

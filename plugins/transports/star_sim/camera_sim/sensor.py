@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from star_core import Camera, Image
-from star_sim.compiled import Record, compiled, kernel
+from star_core.toolkit import compiled, subroutine
+from star_sim.drone import Record
 
 VIGNETTING = 0.3  # of the light that is lost at the corner farthest from the axis
 
@@ -49,7 +50,7 @@ def color_response(camera: Camera) -> NDArray[np.float32]:
     return np.asarray(np.array(kinds, np.float32)[2 * rows + columns])
 
 
-@kernel
+@compiled
 def develop(
     light: Record, weights: Record, share: Record, read: float, shot: float, key: int
 ) -> Image:
@@ -97,7 +98,7 @@ def develop(
     return image
 
 
-@compiled
+@subroutine
 def _normals(start: np.uint32, normal: Record) -> None:
     """Fill an array with float32 numbers that look standard normal, derived from `start`."""
     byte = np.uint32(255)
@@ -108,7 +109,7 @@ def _normals(start: np.uint32, normal: Record) -> None:
         normal[u] = (np.float32(total) - BYTES_MEAN) * BYTES_SCALE
 
 
-@compiled
+@subroutine
 def _mixed(x: np.uint32) -> np.uint32:
     """Return 32 bits that look random, derived from `x`: the finalizer of MurmurHash3."""
     x ^= x >> np.uint32(16)

@@ -10,16 +10,16 @@ import cv2
 import numpy as np
 
 from star_core import Array, Tag
-from star_core.toolkit import rotation_from_quaternion, square_corners
+from star_core.toolkit import compiled, rotation_from_quaternion, square_corners, subroutine
 from star_sim.camera_sim.camera_pose import Canvas, Exposure
 from star_sim.camera_sim.projection import plane_homography, touch
-from star_sim.compiled import Record, compiled, kernel
+from star_sim.drone import Record
 
 SAMPLES = 2  # per pixel along each side, at edges
 MAX_EMBEDDING = 0.02  # m, depth inside an obstacle at which a tag is visible: it is on its face
 
 
-@kernel
+@compiled
 def draw_tags(canvas: Canvas, exposure: Exposure, tags: TagTables) -> None:
     """Draw all tags that face the camera, the nearest first.
 
@@ -57,7 +57,7 @@ def draw_tags(canvas: Canvas, exposure: Exposure, tags: TagTables) -> None:
         _draw(canvas, exposure, frames[tag], tags.prints[tag], regions[tag])
 
 
-@compiled
+@subroutine
 def _draw(canvas: Canvas, exposure: Exposure, frame: Record, cells: Record, region: Record) -> None:
     """Draw one tag within a region.
 
@@ -126,7 +126,7 @@ def _draw(canvas: Canvas, exposure: Exposure, frame: Record, cells: Record, regi
                 gap[v, u] -= share
 
 
-@compiled
+@subroutine
 def _sample(
     path: Record, s_right: float, s_down: float, t_right: float, t_down: float, cells: Record
 ) -> tuple[float, float]:
@@ -170,7 +170,7 @@ def _sample(
     return covered / samples, shade / samples
 
 
-@compiled
+@subroutine
 def _ramp(x: float) -> float:
     """Return a ramp from 0 to 1 for `x` from -1/2 to 1/2."""
     return min(max(x + 0.5, 0.0), 1.0)

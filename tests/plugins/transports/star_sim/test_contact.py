@@ -11,12 +11,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from star_core import Obstacle, Order
+from star_core.toolkit import compiled
 from star_sim import airframe, contact
-from star_sim.compiled import kernel
 from star_sim.drone import standing
 
 Flying = Callable[..., Any]
-separate = kernel(contact.separate.py_func)  # type: ignore[attr-defined]  # for Python to call
+separate = compiled(contact.separate.py_func)  # type: ignore[attr-defined]  # for Python to call
 WALL = Obstacle("wall", (((0.5, -1), (0.7, -1), (0.7, 1), (0.5, 1)),), (0.0, 2.0))
 
 

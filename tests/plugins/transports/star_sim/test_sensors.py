@@ -9,11 +9,11 @@ import pytest
 from scipy.signal import lfilter
 
 from star_core import Array
+from star_core.toolkit import compiled
 from star_sim import sensors
-from star_sim.compiled import kernel
 from star_sim.drone import Drones, standing
 
-flow = kernel(sensors.flow.py_func)  # type: ignore[attr-defined]  # for Python to call
+flow = compiled(sensors.flow.py_func)  # type: ignore[attr-defined]  # for Python to call
 FLAT = np.zeros((sensors.TEXTURE_POINTS, sensors.TEXTURE_POINTS))
 COUNT = 0.8 / sensors.COUNTS  # m/s that one count is at 0.8 m
 
