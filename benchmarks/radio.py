@@ -171,21 +171,21 @@ class Sleeper:
     def __init__(self, period: float) -> None:
         context = multiprocessing.get_context("spawn")
         self._told, theirs = context.Pipe()
-        context.Process(target=sleeping, args=(period, theirs), daemon=True).start()
+        context.Process(target=sleeping, args=(period, TICKS, theirs), daemon=True).start()
         self._told.recv()
 
     def late(self) -> list[float]:
-        """Return how late each of `TICKS` was, ms."""
+        """Return how late each tick was, ms."""
         found: list[float] = self._told.recv()
         return found
 
 
-def sleeping(period: float, told: Connection) -> None:
+def sleeping(period: float, ticks: int, told: Connection) -> None:
     """Tell how late a loop is that only sleeps, ms."""
     told.send("begun")
     begun = time.monotonic()
     late = []
-    for i in range(1, TICKS + 1):
+    for i in range(1, ticks + 1):
         time.sleep(max(0.0, begun + i * period - time.monotonic()))
         late.append(1000 * (time.monotonic() - begun - i * period))
     told.send(late)

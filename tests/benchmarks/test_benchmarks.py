@@ -139,7 +139,6 @@ SCRIPTS = {
     "planner": Small(sizes={"POLYGONS": 4, "ROUNDS": 1, "BUILDS": 1, "QUERIES": 5}),
     "radio": Small(
         sizes={"MANY": 2, "FEW": 1, "ROUNDS": 1, "TICKS": 10},
-        campaign="a minute, of which most is waiting",
         needs=("cflib",),
     ),
     "real_flights": Small("{flights} --json"),
@@ -179,6 +178,9 @@ SCRIPTS = {
         "missions/paths/eight.csv --seeds 1",
         {"FLIGHTS": {"pid, no noise": ("transport.noise=false",)}},
         prints="pid, no noise",
+    ),
+    "tests.campaign.tracking_fleet": Small(
+        "missions/paths/eight.csv --seeds 1", {"CONTROLLERS": {"pid": ()}}, prints="pid"
     ),
     "view": Small("--json --rounds 1", {"AGENTS": 2, "RADIUS": 0.5}),
 }
