@@ -39,6 +39,8 @@ def test_missions_without_faulty_plugins_fly_and_report_them(run: Run, mission: 
     done = run("star", "run", mission.name, "--no-record", "--set", "avoider=none")
     assert done.returncode == 0, done.stderr
     assert f"star: plugin {BROKEN} is left out: {REASON}" in done.stderr.splitlines()
+    assert "goes without" not in done.stderr
+    assert run("star", "check", mission.name, "--set", "avoider=none").returncode == 0
 
 
 def test_missions_with_an_invalid_plugin_name_its_distribution(run: Run, mission: Path) -> None:

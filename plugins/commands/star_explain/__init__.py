@@ -56,7 +56,7 @@ def exact_positions_only(mission: Mission, registry: Registry) -> Iterator[Probl
     """Warn if an avoider that is made for exact positions has to do with uncertain ones."""
     scene, avoider = mission.scene, mission.plugins["avoider"]
     uncertain = scene.measures_positions or not scene.exact_odometry
-    offers = {name: registry.find("avoider", name).offer for name in registry.names("avoider")}
+    offers = registry.offers()["avoider"]
     if (
         uncertain
         and len(scene.agents) > 1

@@ -57,9 +57,7 @@ def _of_variant(
     """
     avoider = registry.find("avoider", mission.plugins["avoider"].use).offer
     others = [
-        name
-        for name in registry.names("planner")
-        if registry.find("planner", name).offer.avoids_obstacles
+        name for name, offer in registry.offers()["planner"].items() if offer.avoids_obstacles
     ]
     hint = f"; use planner {' or '.join(others)}, or waypoints around it" if others else ""
     rehearsal: Rehearsal = registry.manager.hook.star_rehearse(mission=mission, registry=registry)
