@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import suppress
 from copy import deepcopy
 from functools import cache
 from pathlib import Path
@@ -15,7 +14,6 @@ from urllib.parse import quote, unquote
 from star_core import InputError, Problem, Registry
 from star_core.commands import PIPELINE_KINDS, SHARED
 from star_core.formats import Document, Location, MissionSpec, references
-from star_yaml.fits import UndecidedError, fits, to_the_end
 from star_yaml.input_file import read, require_kind
 
 if TYPE_CHECKING:
@@ -125,9 +123,6 @@ def faults(
     document: Document, schema: Mapping[str, Any], *, parameters: bool = False
 ) -> list[Fault]:
     """Return every mistake in `document`; the arguments are those of `problems`."""
-    with suppress(UndecidedError):
-        if fits(document.data, schema, schema):
-            return []
     errors = list(validator()(dict(schema)).iter_errors(document.data))
     if parameters:
         errors = [error for error in errors if not _depends(error)]
@@ -255,7 +250,8 @@ def validator() -> type[Validator]:
     def pattern(
         _validator: object, expression: str, value: object, _schema: object
     ) -> Iterator[Any]:
-        if isinstance(value, str) and not re.search(to_the_end(expression), value):
+        to_the_end = re.sub(r"(?<!\\)((?:\\\\)*)\$$", r"\1\\Z", expression)
+        if isinstance(value, str) and not re.search(to_the_end, value):
             yield ValidationError(f"{value!r} does not match {expression!r}")
 
     checker = Draft202012Validator.TYPE_CHECKER.redefine("integer", is_whole)
