@@ -47,7 +47,7 @@ MIN_CHANGE: Final = 0.2
 
 ARRIVAL: Final = 0.3
 """Distance from a goal within which a straight flight has passed it, m; between an agent and a goal
-beyond a wall is more."""
+beyond a wall is more. So far others must have pushed it aside that passes at a greater one."""
 
 CHECKS: Final = (
     ("avoider", REPEATED_TIME, "repeats its setpoints, whatever the planner's are"),
@@ -120,6 +120,7 @@ class SetpointMonitor:
             repeated.lasted,
             repeated.before,
             repeated.begun,
+            repeated.start,
             repeated.near,
         )
 
@@ -140,6 +141,7 @@ def nothing_wrong(  # noqa: C901, PLR0912, PLR0913, PLR0915, PLR0917 -- one pass
     lasted: Array,
     before: Array,
     begun: Array,
+    start: Array,
     near: Mask,
 ) -> bool:
     """Follow the setpoints of a tick as `FencePress` and `RepeatedSetpoints` do.
@@ -156,9 +158,10 @@ def nothing_wrong(  # noqa: C901, PLR0912, PLR0913, PLR0915, PLR0917 -- one pass
         fence: (2, 3) its lowest and its highest corner, m.
         period: Of the ticks, s.
         pressed: (N,) state of `FencePress`.
-        lasted: (len(CHECKS), N) state of `RepeatedSetpoints`, as the next three.
+        lasted: (len(CHECKS), N) state of `RepeatedSetpoints`, as the next four.
         before: (4, N, 3).
         begun: (N, 3).
+        start: (N, 3).
         near: (N,).
 
     Returns:
@@ -166,7 +169,7 @@ def nothing_wrong(  # noqa: C901, PLR0912, PLR0913, PLR0915, PLR0917 -- one pass
     """
     n = len(steered)
     press, last, close = np.empty(n), np.empty((4, n)), np.empty(n, np.bool_)
-    frozen_avoided = np.empty(n, np.bool_)
+    frozen_avoided, frozen_planned = np.empty(n, np.bool_), np.empty(n, np.bool_)
     repeated = True  # the velocities of all agents that setpoints fly, by the avoider
     for row in range(n):
         if pressed[row] > PRESSED_TIME:
@@ -180,7 +183,7 @@ def nothing_wrong(  # noqa: C901, PLR0912, PLR0913, PLR0915, PLR0917 -- one pass
     for row in range(n):
         same_planned, same_position, same_goal, rests, moves = True, True, True, True, False
         outward, avoided_out, planned_out = False, False, False
-        ignored = away = 0.0
+        ignored = away = towards = speed = along = moved = 0.0
         for axis in range(3):
             fast = flown[row, axis]
             if math.isnan(fast):
@@ -208,10 +211,17 @@ def nothing_wrong(  # noqa: C901, PLR0912, PLR0913, PLR0915, PLR0917 -- one pass
             ignored += change * change
             way = goal[row, axis] - position[row, axis]
             away += way * way
+            towards += by_planner * way
+            speed += by_planner * by_planner
+            path = position[row, axis] - start[row, axis]
+            along += by_planner * path
+            moved += path * path
+        frozen_planned[row] = same_planned
         distance = math.sqrt(away)
+        beside = towards < 0.0 and moved * speed - along * along > ARRIVAL * ARRIVAL * speed
         close[row] = (
             same_planned and same_goal and has_goal[row] and rests
-            and (near[row] or distance < ARRIVAL)
+            and (near[row] or distance < ARRIVAL or beside)
         )  # fmt: skip
         repeats = (
             math.sqrt(ignored) > MIN_CHANGE and moves and repeated,
@@ -233,6 +243,8 @@ def nothing_wrong(  # noqa: C901, PLR0912, PLR0913, PLR0915, PLR0917 -- one pass
         for axis in range(3):
             if not frozen_avoided[row]:
                 begun[row, axis] = planned[row, axis]
+            if not frozen_planned[row]:
+                start[row, axis] = position[row, axis]
             before[0, row, axis], before[1, row, axis] = avoided[row, axis], planned[row, axis]
             before[2, row, axis], before[3, row, axis] = position[row, axis], goal[row, axis]
     return True
@@ -305,7 +317,8 @@ class RepeatedSetpoints:
     - an avoider that repeats the velocities of all agents though the planner's, of an agent that
       does not stand still, is `MIN_CHANGE` from what it was when the repetition began;
     - a planner that repeats the velocity of an agent which has been within `ARRIVAL` of its goal,
-      and no longer is; the goal stays where it is;
+      and no longer is, or which the avoider has pushed so far aside that it passes the goal at a
+      greater distance; the goal stays where it is;
     - either, if what it repeats leads out of the fence while the estimated position changes, for
       the avoider the planner's velocity too.
 
@@ -320,6 +333,7 @@ class RepeatedSetpoints:
         # velocities of avoider and planner, position and goal, in the tick before
         self.before = np.full((4, n, 3), np.nan)
         self.begun = np.zeros((n, 3))  # the planner's velocities when the avoider's were new
+        self.start = np.full((n, 3), np.nan)  # the positions when the planner's were
         self.near = np.zeros(n, np.bool_)  # since the planner's were
 
     def find(
@@ -339,9 +353,15 @@ class RepeatedSetpoints:
         self.before = now
         self.begun = np.where(same_avoided[:, None], self.begun, planned.velocity)
         ignored = _length(planned.velocity - self.begun) > MIN_CHANGE
-        distance = _length(goals.position - estimate.position)
+        way = goals.position - estimate.position
+        distance = _length(way)
         at_rest = same_goal & goals.active & ~goals.velocity.any(axis=1)
-        self.near = same_planned & at_rest & (self.near | (distance < ARRIVAL))
+        self.start = np.where(same_planned[:, None], self.start, estimate.position)
+        path, velocity = estimate.position - self.start, planned.velocity
+        speed = np.vecdot(velocity, velocity)  # squared, as the distance from the first line
+        aside = np.vecdot(path, path) * speed - np.vecdot(velocity, path) ** 2
+        beside = (np.vecdot(velocity, way) < 0) & (aside > ARRIVAL**2 * speed)
+        self.near = same_planned & at_rest & (self.near | (distance < ARRIVAL) | beside)
         repeats: Mask = np.array(
             [
                 ignored & now[0].any(axis=1) & bool(same_avoided[planned.active].all()),

@@ -10,6 +10,8 @@ import pytest
 
 from star_core import Array, Goals, Setpoint
 from star_core.testing import estimate, scene
+from star_core.testing.inputs import flight_telemetry
+from star_core.toolkit import Strike, TickState
 from star_monitors.setpoint_monitor import (
     ARRIVAL,
     MIN_CHANGE,
@@ -17,6 +19,7 @@ from star_monitors.setpoint_monitor import (
     REPEATED_TIME,
     FencePress,
     RepeatedSetpoints,
+    SetpointMonitor,
 )
 
 TICK = 0.05  # s
@@ -104,6 +107,32 @@ def test_a_planner_that_flies_past_the_goal_is_found() -> None:
     [(kind, (time, reason))] = found.items()
     assert (kind, reason) == ("planner", "repeats a setpoint that leads cf1 past the goal")
     assert time == pytest.approx((1.0 + ARRIVAL) / 0.5 + REPEATED_TIME, abs=2 * TICK)
+
+
+@pytest.mark.parametrize(
+    ("aside", "goal", "found"),
+    [(0.9, (1.0, 0.3), True), (0.9, (9.0, 0.3), False), (0.9 * ARRIVAL, (1.0, 0.1), False)],
+)
+def test_a_planner_that_passes_beside_the_goal_is_found(
+    aside: float, goal: tuple[float, float], *, found: bool
+) -> None:
+    monitor = SetpointMonitor(scene(2))
+    none, steered = np.zeros(2, np.bool_), np.ones(2, np.bool_)
+    state = TickState(flight_telemetry(scene(2), 0.0, none, none), np.zeros(2, np.int64), none)
+    there = np.array([(99.0, 0.3, 1.0), (*goal, 1.0)])
+    goals = Goals(there, np.zeros((2, 3)), np.zeros(2), np.ones(2), steered)
+    state.redirected, state.goals, strikes = none, goals, []
+    for k in range(100):
+        position = along(passing(k))
+        position[1, 1] += min(0.01 * k, aside)  # others push cf2 aside
+        state.estimate = estimate(position)
+        state.planned, state.setpoint = setpoint((0.5, 0.5)), setpoint(noisy(0.4)(k))
+        strikes += [(k * TICK, finding) for finding in monitor.check(state)]
+    assert bool(strikes) == found
+    if found:
+        time, strike = strikes[0]
+        assert strike == Strike("planner", "repeats a setpoint that leads cf2 past the goal")
+        assert time == pytest.approx(1.0 / 0.5 + REPEATED_TIME, abs=2 * TICK)
 
 
 def oscillating(k: int) -> tuple[float, ...]:

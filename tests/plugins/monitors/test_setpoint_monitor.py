@@ -29,7 +29,8 @@ def kept(rng: np.random.Generator, before: np.ndarray, share: float) -> np.ndarr
 def states(monitor: SetpointMonitor) -> list[np.ndarray]:
     press, repeated = monitor.press, monitor.repeated
     return [
-        press.pressed, repeated.lasted, repeated.before, repeated.begun, repeated.near,
+        press.pressed, repeated.lasted, repeated.before, repeated.begun, repeated.start,
+        repeated.near,
     ]  # fmt: skip
 
 
