@@ -194,12 +194,14 @@ def sleeping(period: float, ticks: int, told: Connection) -> None:
 def main() -> None:
     """Measure, and print."""
     cflib.crtp.init_drivers()
-    logging.getLogger("star_radio").setLevel(logging.ERROR)  # absent on purpose
+    logger = logging.getLogger("star_radio")
+    logger.setLevel(logging.ERROR)  # a drone is absent on purpose
     figures: dict[str, float] = {}
     for n, measure in ((MANY, connecting), (FEW, steering)):
         drones = Drones(n)
         figures |= measure(drones)
         drones.close()
+    logger.setLevel(logging.NOTSET)
     if "--json" in sys.argv[1:]:
         print(json.dumps(figures))
         return
