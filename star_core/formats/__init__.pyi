@@ -1,17 +1,7 @@
 # The public names of `star_core.formats` and their modules, listed once.
 
-from star_core.conditions import AllOf as AllOf
-from star_core.conditions import AnyOf as AnyOf
-from star_core.conditions import BatteryBelow as BatteryBelow
 from star_core.conditions import Condition as Condition
 from star_core.conditions import ConditionContext as ConditionContext
-from star_core.conditions import Elapsed as Elapsed
-from star_core.conditions import Happened as Happened
-from star_core.conditions import NamedAgents as NamedAgents
-from star_core.conditions import Near as Near
-from star_core.conditions import Not as Not
-from star_core.conditions import TargetFound as TargetFound
-from star_core.conditions import TimeReached as TimeReached
 from star_core.errors import MAX_LISTED as MAX_LISTED
 from star_core.errors import SourceFile as SourceFile
 from star_core.errors import code_of as code_of
@@ -23,8 +13,6 @@ from star_core.formats.loading import format_function as format_function
 from star_core.formats.loading import read_as as read_as
 from star_core.formats.loading import recognized_as as recognized_as
 from star_core.formats.located import Data as Data
-from star_core.formats.located import Document as Document
-from star_core.formats.located import Location as Location
 from star_core.formats.located import Mark as Mark
 from star_core.formats.located import Value as Value
 from star_core.formats.located import shown as shown
@@ -32,7 +20,6 @@ from star_core.mission import PluginChoice as PluginChoice
 from star_core.mission import nodes as nodes
 from star_core.plugin_support.option_schema import JOIN as JOIN
 from star_core.plugin_support.option_schema import LEAVE as LEAVE
-from star_core.plugin_support.option_schema import held as held
 from star_core.plugin_support.option_schema import references as references
 from star_core.plugin_support.specs import FileKindSpec as FileKindSpec
 from star_core.plugin_support.specs import FormatSpec as FormatSpec

@@ -91,17 +91,6 @@ def _exclusive(offer: MissionSpec) -> Iterator[str]:
             yield offer.exclusive.unless
 
 
-def held(offer: TaskSpec, given: Mapping[str, Any]) -> tuple[tuple[str, Any], ...]:
-    """Return the options that identify the resource that a step holds, with their values."""
-    exclusive = offer.exclusive
-    if exclusive is None or exclusive.unless in given:
-        return ()
-    properties = offer.options.get("properties", {})
-    return tuple(
-        (name, given.get(name, properties[name].get("default"))) for name in exclusive.options
-    )
-
-
 def fill_defaults(
     options: Mapping[str, Any],
     schema: Mapping[str, Any],

@@ -5,7 +5,6 @@ from star_core.errors import shortlist as shortlist
 from star_core.errors import suggestion as suggestion
 from star_core.geometry.coverage import SYSTEMS as SYSTEMS
 from star_core.geometry.coverage import covered as covered
-from star_core.geometry.coverage import nearest_surface as nearest_surface
 from star_core.geometry.coverage import received as received
 from star_core.geometry.free_position import AGENT_CLEARANCE as AGENT_CLEARANCE
 from star_core.geometry.free_position import MAX_DRIFT as MAX_DRIFT

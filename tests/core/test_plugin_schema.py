@@ -13,9 +13,10 @@ from star_core import Scene, fly, hookimpl
 from star_core import load as load_mission
 from star_core.discovery import Source
 from star_core.errors import PluginError
-from star_core.plugin_support.option_schema import STEP_KEYS, fill_defaults, held, sound
+from star_core.plugin_support.option_schema import STEP_KEYS, fill_defaults, sound
 from star_core.plugin_support.registry import Found, Registry
 from star_core.plugin_support.specs import AvoiderSpec, Exclusive, TaskSpec
+from star_yaml.checks.plugin_checks import held
 
 NEVER_MADE: Any = object
 

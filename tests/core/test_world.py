@@ -13,9 +13,9 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from star_core.errors import InputError
-from star_core.formats.located import Document
 from star_core.world.outlines import wall
 from star_core.world.world import CONTACT_RADIUS, Fence, Obstacle, World
+from star_yaml.document import Document
 from star_yaml.world_loader import world
 from star_yaml.yaml_reader import parse
 

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Final
 
 from star_core import AgentPhase, Mission
-from star_core.formats import AllOf, Condition, ConditionContext, Not, nodes
+from star_core.formats import Condition, ConditionContext, nodes
 from star_core.toolkit import Choice, Node
 
-ALWAYS: Final = AllOf(())
-NEVER: Final = Not(ALWAYS)
 MAX_REACTIONS: Final = 10  # with a variant each: every one takes a rehearsal
 
 
@@ -24,12 +22,25 @@ def variants(mission: Mission) -> Iterator[Mission]:
     """
     yield mission
     if any(isinstance(node, Choice) for node in nodes(mission.all_steps)):
-        for outcome in (ALWAYS, NEVER):
-            yield mission.with_steps(partial(_decided, outcome=outcome))
+        for holds in (True, False):
+            yield mission.with_steps(partial(_decided, outcome=Decided(holds)))
     for i, reaction in enumerate(mission.reactions[:MAX_REACTIONS]):
         others = mission.reactions[:i], mission.reactions[i + 1 :]
         comes = replace(reaction, when=AllFly())
         yield replace(mission, reactions=(*others[0], comes, *others[1]))
+
+
+@dataclass(frozen=True, slots=True)
+class Decided(Condition):
+    """Always, or never."""
+
+    outcome: bool
+
+    def holds(self, now: ConditionContext) -> bool:
+        return self.outcome
+
+    def __str__(self) -> str:
+        return "always" if self.outcome else "never"
 
 
 class AllFly(Condition):

@@ -46,7 +46,7 @@ def _missions() -> dict[str, tuple[Path, str]]:
 def _restore(manifest: Mapping[str, Any], file: Path) -> tuple[tuple[Agent, ...], World]:
     import json
 
-    from star_core.formats import Document
+    from star_yaml.document import Document
     from star_yaml.mission_loader import agents
     from star_yaml.world_loader import world
     from star_yaml.yaml_reader import parse

@@ -9,9 +9,10 @@ from pathlib import Path
 
 from star_core import InputError, Mission, Problem, Registry
 from star_core.commands import guarded
-from star_core.formats import Document, FileKindSpec
+from star_core.formats import FileKindSpec
 from star_core.toolkit import actions
 from star_yaml import schema
+from star_yaml.document import Document
 from star_yaml.includes import check_alone
 from star_yaml.input_file import kind_of, lacking, override, read
 from star_yaml.mission_loader import checked

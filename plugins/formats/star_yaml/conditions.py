@@ -7,23 +7,21 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, Final
 
 from star_core import Problem, Scene
-from star_core.formats import (
-    MAX_LISTED,
+from star_core.formats import MAX_LISTED, Condition, Point
+from star_core.toolkit import suggestion
+from star_yaml.condition_kinds import (
     AllOf,
     AnyOf,
     BatteryBelow,
-    Condition,
     Elapsed,
     Happened,
-    Location,
     NamedAgents,
     Near,
     Not,
-    Point,
     TargetFound,
     TimeReached,
 )
-from star_core.toolkit import suggestion
+from star_yaml.document import Location
 
 OF_AGENTS: Final[Mapping[str, Callable[[Any, NamedAgents | None], Condition]]] = {
     "found": TargetFound,

@@ -6,8 +6,8 @@ import re
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-from star_core.formats import Location
 from star_core.toolkit import flow, suggestion
+from star_yaml.document import Location
 from star_yaml.yaml_errors import odd_character
 
 if TYPE_CHECKING:

@@ -8,9 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from star_core import InputError, Registry
-from star_core.formats import Document, Value, coded, inside
+from star_core.formats import Value, coded, inside
 from star_core.toolkit import suggestion
 from star_yaml import schema
+from star_yaml.document import Document
 from star_yaml.schema import SIGN
 from star_yaml.scopes import Findings, Scope, parameters
 

@@ -12,8 +12,9 @@ from typing import Any, Final
 
 from star_core import InputError, Registry
 from star_core.commands import PIPELINE_KINDS
-from star_core.formats import STDIN, Document, Mark, Value, printable, shown
+from star_core.formats import STDIN, Mark, Value, printable, shown
 from star_core.toolkit import suggestion
+from star_yaml.document import Document
 from star_yaml.yaml_reader import MAX_SIZE, parse, read_yaml
 
 _KEY: Final = re.compile(r"^([A-Za-z_]\w*)[ \t]*:", re.MULTILINE)  # at the top of a map in blocks

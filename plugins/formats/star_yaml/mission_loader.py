@@ -24,10 +24,11 @@ from star_core import (
     World,
 )
 from star_core.commands import PIPELINE_KINDS
-from star_core.formats import Document, PluginChoice, inside
+from star_core.formats import PluginChoice, inside
 from star_core.toolkit import PluginGuard, fill_defaults
 from star_yaml import schema, world_loader
 from star_yaml.checks.references import of_mission
+from star_yaml.document import Document
 from star_yaml.includes import resolved
 from star_yaml.input_file import override, read, require_kind
 from star_yaml.schema import UNKNOWN, Incomplete, Refused

@@ -13,7 +13,8 @@ from urllib.parse import quote, unquote
 
 from star_core import InputError, Problem, Registry
 from star_core.commands import PIPELINE_KINDS, SHARED
-from star_core.formats import Document, Location, MissionSpec, references
+from star_core.formats import MissionSpec, references
+from star_yaml.document import Document, Location
 from star_yaml.input_file import read, require_kind
 
 if TYPE_CHECKING:

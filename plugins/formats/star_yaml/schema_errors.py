@@ -11,8 +11,8 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from star_core.commands import PIPELINE_KINDS
-from star_core.formats import Location
 from star_core.toolkit import suggestion
+from star_yaml.document import Location
 from star_yaml.error_messages import (
     CODES,
     Breach,

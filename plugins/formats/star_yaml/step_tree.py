@@ -14,7 +14,7 @@ from typing import Any, Final, TypeAlias
 
 from star_core import PluginError, Problem, Registry, Scene
 from star_core.commands import SHARED, Source
-from star_core.formats import JOIN, MAX_LISTED, AllOf, Condition, Document, Location
+from star_core.formats import JOIN, MAX_LISTED, Condition
 from star_core.toolkit import (
     Action,
     Choice,
@@ -26,6 +26,8 @@ from star_core.toolkit import (
     suggestion,
 )
 from star_yaml import conditions
+from star_yaml.condition_kinds import AllOf
+from star_yaml.document import Document, Location
 from star_yaml.schema import UNKNOWN, Incomplete, Refused
 
 Groups: TypeAlias = Mapping[str, tuple[int, ...]]

@@ -14,11 +14,10 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from star_core import Array, Corrections, Mask, Rows, Scene
+from star_core import Array, Corrections, Mask, Rows, Scene, World
 from star_core.toolkit import (
     SYSTEMS,
     Fault,
-    nearest_surface,
     quaternion_from_euler,
     received,
     yaw_from_quaternion,
@@ -189,3 +188,23 @@ class Onboard:
             elif not fault.values["swap"]:
                 offset[rows] += fault.values["offset"]
         return offset, lost
+
+
+def nearest_surface(world: World, points: Array) -> Array:
+    """Return the distance of points to the nearest wall of the fence or of an obstacle: (T,) m.
+
+    Args:
+        world: Of the flight.
+        points: (T, 3) map frame, m.
+    """
+    low, high = np.array(world.fence.low)[:2], np.array(world.fence.high)[:2]
+    gaps = np.concatenate([points[:, :2] - low, high - points[:, :2]], axis=1).min(axis=1)
+    nearest: Array = np.maximum(gaps, 0.0)
+    if world.obstacles:
+        import shapely
+
+        at = shapely.points(points[:, :2])
+        for obstacle in world.obstacles:
+            for polygon in map(shapely.Polygon, obstacle.polygons):
+                nearest = np.minimum(nearest, shapely.distance(polygon, at))
+    return nearest

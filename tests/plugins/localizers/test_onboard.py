@@ -24,14 +24,14 @@ from star_core import (
 from star_core.commands.main import main
 from star_core.formats import check_file, code_of
 from star_core.testing import scene
-from star_core.toolkit import SYSTEMS, Beacon, covered, fill_defaults, nearest_surface, received
+from star_core.toolkit import SYSTEMS, Beacon, covered, fill_defaults, received
 from star_onboard import OPTIONS, check
 from star_onboard.localizer import Onboard
 from star_onboard.systems import INERTIAL_STD, STD, expected_std, is_covered
 from star_sim import OPTIONS as SIMULATED
 from star_sim import simulator_arguments
 from star_sim.fusion import Fusion
-from star_sim.onboard import ERRORS
+from star_sim.onboard import ERRORS, nearest_surface
 from star_sim.onboard import Onboard as Receivers
 from star_sim.transport import Simulator
 from tests.campaign import onboard

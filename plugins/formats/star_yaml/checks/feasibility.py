@@ -9,8 +9,9 @@ from itertools import combinations
 from typing import Any, Final
 
 from star_core import Fence, Problem, Registry, Scene
-from star_core.formats import JOIN, MAX_LISTED, Document, Point
+from star_core.formats import JOIN, MAX_LISTED, Point
 from star_core.toolkit import CONTACT_RADIUS, Action, suggestion
+from star_yaml.document import Document
 from star_yaml.schema import Incomplete
 
 MAX_STAND: Final = 0.15  # m: height of an agent's centre above what it stands on

@@ -6,11 +6,11 @@ from collections.abc import Callable, Iterator, Mapping
 from numbers import Real
 from typing import Any, Final, TypeAlias
 
-from star_core import PluginError, Problem, Registry, Scene
+from star_core import PluginError, Problem, Registry, Scene, TaskSpec
 from star_core.commands import Found
-from star_core.formats import Location, held
 from star_core.toolkit import Action, StepGoal
 from star_yaml.checks.feasibility import position_code
+from star_yaml.document import Location
 
 LISTED: Final = 3
 """How many of the other goals that are refused for the same value a message lists."""
@@ -181,3 +181,14 @@ def _first(path: Location, faults: Mapping[str, tuple[str, str]]) -> Problem:
     also = [other for other, _ in others[:LISTED]] + ["…"] * (len(others) > LISTED)
     named = f"{label}: {text}".removeprefix(": ")
     return Problem(path, named + (f" (also {', '.join(also)})" if also else ""), code)
+
+
+def held(offer: TaskSpec, given: Mapping[str, Any]) -> tuple[tuple[str, Any], ...]:
+    """Return the options that identify the resource that a step holds, with their values."""
+    exclusive = offer.exclusive
+    if exclusive is None or exclusive.unless in given:
+        return ()
+    properties = offer.options.get("properties", {})
+    return tuple(
+        (name, given.get(name, properties[name].get("default"))) for name in exclusive.options
+    )

@@ -10,20 +10,12 @@ from typing import Any, Final, Literal, TypeAlias
 
 from star_core import Problem, Registry, Scene
 from star_core.commands import PIPELINE_KINDS
-from star_core.formats import (
-    JOIN,
-    LEAVE,
-    MAX_LISTED,
-    Condition,
-    Document,
-    Location,
-    camera_faults,
-    nodes,
-)
+from star_core.formats import JOIN, LEAVE, MAX_LISTED, Condition, camera_faults, nodes
 from star_core.toolkit import Action, Choice, Node, Parallel, Reaction, Repeat, actions, suggestion
 from star_yaml import conditions
 from star_yaml.checks import feasibility
 from star_yaml.checks.plugin_checks import PluginChecks
+from star_yaml.document import Document, Location
 from star_yaml.schema import Incomplete
 
 State: TypeAlias = Literal["ground", "air", "reserve", "removed"] | None

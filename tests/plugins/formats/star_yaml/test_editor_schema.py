@@ -13,8 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from jsonschema import Draft202012Validator
 
-from star_core.formats.located import Location
 from star_core.plugin_support.registry import Registry
+from star_yaml.document import Location
 from star_yaml.editor_schema import NAMED_VALUE, admitting, editor_schema, for_editors
 from star_yaml.schema import _depends as depends
 from star_yaml.schema import compose_steps

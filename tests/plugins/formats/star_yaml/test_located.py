@@ -13,7 +13,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from star_core.errors import InputError
-from star_core.formats.located import Document
+from star_yaml.document import Document
 from star_yaml.input_file import read
 
 MISSION = """\

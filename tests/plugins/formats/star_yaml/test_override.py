@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from star_core.errors import InputError
-from star_core.formats.located import Document
+from star_yaml.document import Document
 from star_yaml.input_file import override
 from star_yaml.yaml_reader import parse
 

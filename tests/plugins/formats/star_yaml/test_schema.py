@@ -10,10 +10,10 @@ from typing import Any
 import pytest
 from jsonschema import Draft202012Validator
 
-from star_core.formats.located import Document
 from star_core.plugin_support.option_schema import sound
 from star_core.plugin_support.specs import TaskSpec
 from star_yaml import schema
+from star_yaml.document import Document
 from star_yaml.editor_schema import for_editors
 from star_yaml.schema import compose, compose_steps, load, problems
 from star_yaml.yaml_reader import parse

@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from jsonschema import Draft202012Validator
 
-from star_core.formats.located import Document
 from star_core.plugin_support.specs import TaskSpec
+from star_yaml.document import Document
 from star_yaml.input_file import override
 from star_yaml.schema import compose, problems
 from star_yaml.yaml_reader import parse

@@ -10,9 +10,9 @@ import pytest
 from jsonschema import Draft202012Validator
 
 from star_core import Task, TaskSpec
-from star_core.plugin_support.option_schema import held
 from star_core.testing import scene
 from star_core.toolkit import fill_defaults
+from star_yaml.checks.plugin_checks import held
 from tests.plugins.tasks.star_external.conftest import offered
 
 ROOM = scene(2)
