@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import errno
+import io
 import os
+import re
 import socket
 from collections.abc import Callable
+from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from star_core.commands.main import main
-from tests.commands import problem_lines
+from tests.commands import position_and_code, problem_lines
 
-MISSIONS = Path(__file__).parents[2] / "missions"
 WORLD = """\
 star: 1
 name: room
@@ -39,9 +43,6 @@ mission:
   - hold: {for: 0.5}
   - land: {}
 """
-BOMB = "a0: &a0 [x]\n" + "".join(
-    f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 9)}]\n" for i in range(1, 10)
-)
 
 
 @pytest.fixture(autouse=True)
@@ -85,42 +86,6 @@ def test_the_mission_that_is_spoilt_below_is_good(capsys: pytest.CaptureFixture[
     assert capsys.readouterr() == ("m.yaml: 'bad' can be flown, with 2 agents\n", "")
 
 
-# What is no mission at all
-
-
-@pytest.mark.parametrize(
-    ("content", "line"),
-    [
-        (b"", "1:1: the file is empty, expected a map such as `star: 1`"),
-        (b"- star: 1\n", "1:1: the file holds a list, expected a map such as `star: 1`"),
-        (b"star: 1\nname: [\n", "2:7: '[' is not closed; add ']'"),
-        (b"star: 1\n\tname: x\n", "2:1: a tab stands here; YAML is indented with spaces"),
-        (BOMB.encode(), "1:5: anchor '&a0' is refused; write the value out"),
-        (b"a: !!python/name:os.system\n", "1:4: tag 'tag:yaml.org,2002:python/name:os.system' is"),
-        (b"star: 1\nname: a\nstar: 1\n", "3:1: key 'star' is already there at line 1, column 1; "),
-        (b"seed: .nan\n", "1:7: .nan is not a plain, finite decimal number"),
-        (b"rate: -.inf\n", "1:7: -.inf is not a plain, finite decimal number"),
-        (b"a: " + b"[" * 40 + b"]" * 40, "1:35: nested deeper than 32 levels"),
-        (b"".join(b" " * i + b"-\n" for i in range(1200)), "1:1: the maps and lists are nested"),
-        (b"star: 1\nname: caf\xe9\n", "2:10: byte 0xe9 is not UTF-8; save the file as UTF-8"),
-        (MISSION.encode("utf-16"), "1:1: byte 0xff is not UTF-8; save the file as UTF-8"),
-        (MISSION.encode("utf-16-le"), "1:2: character '\\x00' is refused; it cannot be printed"),
-        (b"star: 1\n" + b"# x\n" * 250_000, "1:1: the file has more than 1 MB; split it, or "),
-        (b"\x1f\x8b\x08\x00gzip", "1:2: byte 0x8b is not UTF-8; save the file as UTF-8"),
-    ],
-    ids=lambda value: "" if isinstance(value, bytes) else value.partition(": ")[2][:30],
-)  # fmt: skip
-@pytest.mark.parametrize("command", ["run", "check"])
-def test_a_file_that_is_no_mission_is_refused_at_its_place(
-    refused: Callable[..., list[str]], command: str, content: bytes, line: str
-) -> None:
-    Path("m.yaml").write_bytes(content)
-    assert refused(command, "m.yaml")[0].startswith(f"m.yaml:{line}")
-
-
-# What is no file
-
-
 @pytest.mark.parametrize(
     ("name", "why"),
     [
@@ -136,106 +101,22 @@ def test_a_mission_that_cannot_be_read_reports_why(
     assert refused("run", name) == [f"{name}: {why}"]
 
 
-# One mistake in a mission
-
-# What is changed, and what is answered; "..." stands for what depends on what is installed.
-MISTAKES = """
-- hold: {for: 0.5}  ->  - {hold: {for: 0.5}, land: {}}
-    15:5: a step has one verb, this one has 2: 'hold', 'land'; write each as its own step
-takeoff:  ->  take_off:
-    14:5: unknown verb 'take_off'; did you mean 'takeoff'?
-use: orca  ->  use: orka
-    12:16: no avoider named 'orka'; did you mean 'orca'?
-transport: sim  ->  transport: bluetooth
-    9:12: no transport named 'bluetooth'; installed: ...
-planner: straight  ->  planner: os.path:join
-    11:10: no planner named 'os.path:join'; installed: ...
-for: 0.5  ->  agents: cf3
-    15:20: no agent or group named 'cf3'; did you mean 'cf2'?
-for: 0.5  ->  agents: [cf1, pears]
-    15:26: no agent or group named 'pears'; did you mean 'pair'?
-[cf1, cf2]  ->  [cf1, cf9]
-    8:22: no agent named 'cf9'; did you mean 'cf2'?
-height: 0.5  ->  height: high
-    14:23: takeoff: height: 'high' is a string, expected a number
-height: 0.5  ->  height: 0.5 m
-    14:23: takeoff: height: '0.5 m' is a string, expected a number: Height to climb to, ...
-- land: {}  ->  - land: []
-    16:11: land: this is a list, expected a map; write it `land: {}`
-[-0.5, 0, 0]  ->  [-0.5, 0]
-    6:16: swarm.cf1.start: has 2 numbers, expected 3
-height: 0.5  ->  height: -0.5
-    14:23: takeoff: height: -0.5 is not possible here, expected more than 0
-height: 0.5  ->  height: 5
-    14:23: 5 m is outside the heights to fly at, from 0.2 to 1.8 m
-seed: 7  ->  seed: 7.5
-    4:7: seed: 7.5 is not a whole number
-radius: 0.2  ->  radus: 0.2
-    12:22: avoider 'orca': unknown option 'radus'; did you mean 'radius'?
-seed: 7  ->  sead: 7
-    4:1: unknown key 'sead'; did you mean 'seed'?
-hold: {for: 0.5}  ->  goto: {agents: cf1, to: [5, 0, 1]}
-    15:29: [5, 0, 1] is outside the fence, from [-2, -2, 0] to [2, 2, 2]
-hold: {for: 0.5}  ->  goto: {to: [2, 0, 1]}
-    15:16: position 2 of 2: [2.3, 0, 1] is outside the fence, from [-2, -2, 0] to [2, 2, 2]
-hold: {for: 0.5}  ->  goto: {agents: cf1, to: [1, 1, 1]}
-    15:29: [1, 1, 1] is inside obstacle 'pillar'
-hold: {for: 0.5}  ->  goto: {}
-    15:11: expected 'to' or 'by'
-[-0.5, 0, 0]  ->  [-5, 0, 0]
-    6:16: start [-5, 0, 0] is outside the fence, from [-2, -2, 0] to [2, 2, 2]
-[-0.5, 0, 0]  ->  [1, 1, 0]
-    6:16: start [1, 1, 0] is inside obstacle 'pillar'
-[0.5, 0, 0]  ->  [-0.3, 0, 0]
-    7:16: 'cf2' starts 0.20 m from 'cf1', closer than twice avoider.radius (0.40 m)
-worlds/room.yaml  ->  ../room.yaml
-    3:8: '../room.yaml' is outside the mission's folder; name a file inside it
-worlds/room.yaml  ->  /etc/passwd
-    3:8: '/etc/passwd' is an absolute path; write it from the mission's folder: paths/file.csv
-worlds/room.yaml  ->  worlds
-    3:8: 'worlds' is no file; name a file in the mission's folder
-worlds/room.yaml  ->  worlds/rom.yaml
-    3:8: no file 'worlds/rom.yaml' in the mission's folder; did you mean 'worlds/room.yaml'?
-hold: {for: 0.5}  ->  follow: {file: ../path.csv}
-    15:20: '../path.csv' is outside the mission's folder; name a file inside it
-hold: {for: 0.5}  ->  follow: {file: /etc/passwd}
-    15:20: '/etc/passwd' is an absolute path; write it from the mission's folder: paths/file.csv
-hold: {for: 0.5}  ->  follow: {file: worlds}
-    15:20: 'worlds' is no file; name a file in the mission's folder
-hold: {for: 0.5}  ->  follow: {file: path.csv}
-    15:20: no file 'path.csv' in the mission's folder
-hold: {for: 0.5}  ->  each: {agents: cf3, steps: [hold: {}]}
-    15:20: no agent or group named 'cf3'; did you mean 'cf2'?
-hold: {for: 0.5}  ->  each: {steps: [hold: {agents: cf1}]}
-    15:35: a step of 'each' is for every agent by itself; name the agents in 'each'
-hold: {for: 0.5}  ->  each: {steps: [goto: {to: [5, 0, 1]}]}
-    15:31: [5, 0, 1] is outside the fence, from [-2, -2, 0] to [2, 2, 2]
-hold: {for: 0.5}  ->  wait: {}
-    15:5: wait: missing option 'until'
-hold: {for: 0.5}  ->  wait: {until: {elapse: 3}}
-    15:20: wait: until: unknown option 'elapse'; did you mean 'elapsed'?
-hold: {for: 0.5}  ->  wait: {until: {elapsed: 3, found: 1}}
-    15:19: wait: until: has 2 keys, expected 1; write `{all: [{elapsed: 3}, {found: 1}]}`...
-hold: {for: 0.5}  ->  wait: {until: {found: 1}}
-    15:27: 1 is more than the 0 targets of the world
-hold: {for: 0.5}  ->  wait: {until: {near: {agent: cf9, within: 1}}}
-    15:34: no agent named 'cf9'; did you mean 'cf2'?
-seed: 7  ->  safety: {battery_lo: {}}
-    4:10: safety: unknown key 'battery_lo'; did you mean 'battery_low'?
-seed: 7  ->  safety: {battery_low: {then: sleep}}
-    4:30: safety.battery_low.then: 'sleep' is not possible here; expected one of: hold, land, stop
-"""
-LINES = [line.strip() for line in MISTAKES.strip().splitlines()]
-
-
-@pytest.mark.parametrize(("changed", "line"), list(zip(LINES[::2], LINES[1::2], strict=True)))
-def test_a_mistake_in_a_mission_is_one_line_with_its_place(
-    refused: Callable[..., list[str]], changed: str, line: str
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        ("seed: 7", "seed: [", "m.yaml:4:7 [invalid-yaml]"),
+        ("seed: 7", "sead: 7", "m.yaml:4:1 [unknown-option]"),
+        ("use: orca", "use: orka", "m.yaml:12:16 [unknown-plugin]"),
+        ("for: 0.5", "agents: cf3", "m.yaml:15:20 [unknown-agent]"),
+        ("hold: {for: 0.5}", "goto: {to: [2, 0, 1]}", "m.yaml:15:16 [unreachable-goal]"),
+    ],
+)
+def test_a_mistake_of_any_kind_keeps_a_mission_from_flying(
+    refused: Callable[..., list[str]], old: str, new: str, expected: str
 ) -> None:
-    change(*changed.split("  ->  "))
-    (found,) = refused("run", "m.yaml")
-    beginning, open_ended, _ = f"m.yaml:{line}".partition("...")
-    assert found.startswith(beginning) if open_ended else found.rpartition(" [")[0] == beginning
+    """The corpus has every mistake that `star check` reports."""
+    change(old, new)
+    assert [*map(position_and_code, refused("run", "m.yaml"))] == [expected]
 
 
 def test_a_link_that_leads_out_of_the_folder_is_refused(
@@ -245,20 +126,15 @@ def test_a_link_that_leads_out_of_the_folder_is_refused(
     outside.write_text(WORLD)
     Path("link.yaml").symlink_to(outside)
     change("worlds/room.yaml", "link.yaml")
-    assert refused("run", "m.yaml") == [
-        "m.yaml:3:8: 'link.yaml' is outside the mission's folder; name a file inside it"
-        " [file-not-found]"
-    ]
+    assert [*map(position_and_code, refused("run", "m.yaml"))] == ["m.yaml:3:8 [file-not-found]"]
 
 
 def test_a_world_that_is_a_socket_is_not_waited_for(refused: Callable[..., list[str]]) -> None:
     with socket.socket(socket.AF_UNIX) as plug:
         plug.bind("plug.yaml")
         change("worlds/room.yaml", "plug.yaml")
-        assert refused("run", "m.yaml") == [
-            "m.yaml:3:8: 'plug.yaml' is no file; name a file in the mission's folder"
-            " [unreadable-file]"
-        ]
+        (line,) = refused("run", "m.yaml")
+    assert position_and_code(line) == "m.yaml:3:8 [unreadable-file]"
 
 
 @pytest.mark.parametrize("name", ["loop.yaml", "w" * 300])
@@ -271,32 +147,36 @@ def test_a_world_that_no_path_leads_to_is_refused(
     assert line.startswith(f"m.yaml:3:8: '{name}' is no path of a file: ")
 
 
-def test_a_mistake_in_a_world_is_reported_in_the_worlds_own_file(
-    refused: Callable[..., list[str]],
-) -> None:
-    change("height: [0, 2]", "height: [2, 0]", "worlds/room.yaml")
-    assert refused("run", "m.yaml") == [
-        "worlds/room.yaml:5:79: obstacle 'pillar' has its foot at 2 m, not below its top at 0 m"
-        " [empty-range]"
-    ]
+LINE = re.compile(r"(m\.yaml|worlds/[^:]*|--set .*?)(:\d+:\d+)?: \S.*")
+WORDS = b"""
+    -1 0 1e308 1e-300 .nan .inf 18446744073709551615 2026-01-01 null true [] {} '' [[0,0]] ../ /
+    all cf1 cf9 pair sim use: agents: file: parallel: repeat: land:{} ' " | > % @ ` &a *a !b <<: ---
+    # ? : , - \0 \xff \xef\xbb\xbf \xe2\x80\xa8
+""".split()
 
 
-# All at once
+def answer(*arguments: str) -> tuple[int, list[str]]:
+    """Check a mission, and return the exit status and what was said of what is wrong."""
+    out, err = io.StringIO(), io.StringIO()
+    with redirect_stdout(out), redirect_stderr(err):
+        status = main(["check", "m.yaml", *arguments])
+    assert bool(out.getvalue()) is (status == 0)
+    lines = problem_lines(err.getvalue())
+    return status, [line for line in lines if line != "checking m.yaml ..."]  # of a slow check
 
 
-def test_every_mistake_is_reported_in_the_order_of_the_file(
-    refused: Callable[..., list[str]],
-) -> None:
-    change("name: bad", "name: b/d")
-    change("use: orca", "use: orka")
-    change("takeoff:", "takeof:")
-    change("- land: {}", "- land")
-    places = [line.split(": ")[0] for line in refused("check", "m.yaml")]
-    assert places == ["m.yaml:2:7", "m.yaml:12:16", "m.yaml:14:5", "m.yaml:16:5"]
+fuzz = settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
-def test_mission_and_world_problems_are_reported_at_once(refused: Callable[..., list[str]]) -> None:
-    change("seed: 7", "sead: 7")
-    change("fence:", "fense:", "worlds/room.yaml")
-    files = {line.split(":")[0] for line in refused("check", "m.yaml")}
-    assert files == {"m.yaml", "worlds/room.yaml"}
+@fuzz
+@given(
+    path=st.lists(
+        st.sampled_from(["mission", "swarm", "cf1", "start", "avoider", "radius", "0", "x", ""]),
+        max_size=5,
+    ).map(".".join),
+    value=st.sampled_from([word.decode(errors="replace") for word in WORDS]) | st.text(max_size=8),
+)
+def test_whatever_is_set_is_taken_or_refused_in_lines(path: str, value: str) -> None:
+    status, lines = answer(f"--set={path}={value}")
+    assert status == (2 if lines else 0)
+    assert all(LINE.fullmatch(line) for line in lines), lines

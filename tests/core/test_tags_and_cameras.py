@@ -100,44 +100,6 @@ def test_targets_are_kept_apart_from_landmarks(tmp_path: Path) -> None:
     assert (target.id, target.of) == (200, "survivor")
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        (
-            ("tags: [7]", "tags: [1]"),
-            "world.yaml:6:17: tag 1 belongs to 'floor' already; give each",
-        ),
-        (("tags: [200]", "tags: [7]"), "world.yaml:8:21: tag 7 belongs to 'wall' already"),
-        (("[-1.0, 0.0, 0.0]", "[1.0, 1.9, 0.0]"), "world.yaml:8:21: tag 200 overlaps tag 0 of 'f"),
-        (("yaw_deg: 90}", "spacing: 0.1}"), "world.yaml:5:21: tag 1 overlaps tag 0 of 'floor'"),
-        (
-            ("yaw_deg: 90}", "offsets: [[0, 0]]}"),
-            "world.yaml:5:55: landmark 'floor' has 1 offsets for 2",
-        ),
-        (
-            ("yaw_deg: 90}", "spacing: 1, offsets: [[0, 0], [1, 1]]}"),
-            "world.yaml:5:55: landmark 'floor': 'spacing' does",
-        ),
-        (
-            ("size: 0.1", "size: 0"),
-            "world.yaml:6:62: landmarks.wall.size: 0 is less than the minimum",
-        ),
-        (("tags: [7]", "tags: [587]"), "world.yaml:6:17: landmarks.wall.tags: 587 is greater"),
-        (("tags: [7]", "tags: []"), "world.yaml:6:16: landmarks.wall.tags: is empty, expected"),
-        (("at: [0.0, 2.5, 1.0]", "at: [0.0, .nan, 1.0]"), "world.yaml:6:31: .nan is not"),
-        (("camera: aideck", "camera: aidek"), "m.yaml:7:35: no camera named 'aidek'; did you mean"),
-        (
-            ("rate: 5", "rate: 0"),
-            "m.yaml:4:39: cameras.front.rate: 0 is not possible here, expected",
-        ),
-    ],
-)
-def test_what_makes_no_sense_is_refused_where_it_stands(
-    tmp_path: Path, change: tuple[str, str], message: str
-) -> None:
-    assert refusal(tmp_path, change).startswith(message)
-
-
 def test_each_agent_has_the_camera_that_the_mission_names(tmp_path: Path) -> None:
     front, aideck, none = (agent.camera for agent in mission(tmp_path).scene.agents)
     assert front == Camera(160, 120, (100.0, 100.0, 80.0, 60.0), pitch=0.0, rate=5)

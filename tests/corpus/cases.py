@@ -9,9 +9,9 @@ further ``=== title`` is a case: what it writes differently, and where that is a
 - ``--- name, whole`` begins a file that is written as it is here, and ``--- name, escaped`` one
   whose ``\\x00`` stand for bytes. A file that is not among the valid ones is always whole.
 - Text before the first ``---`` is of the first of the valid files.
-- ``# <-- words [code]`` ends the line that is at fault: an error is expected there, with this code
-  and these words; the words can be omitted. Where no comment can stand,
-  ``@ name:line: words [code]`` does as well.
+- ``# <-- column: words [code]`` ends the line that is at fault: an error is expected there, with
+  this code and these words; column and words can be omitted. Where no comment can stand,
+  ``@ name:line:column: words [code]`` does as well.
 """
 
 from __future__ import annotations
@@ -24,24 +24,34 @@ from pathlib import Path
 from star_core.errors import code_of
 
 FOLDER = Path(__file__).parent
-MARK = re.compile(r"# <-- (.+)$")
-AT = re.compile(r"@ (?P<file>[^:]+):(?P<line>\d+): (?P<words>.+)")
+MARK = re.compile(r"# <-- (?:(?P<column>\d+): )?(?P<words>.+)$")
+AT = re.compile(r"@ (?P<file>[^:]+):(?P<line>\d+)(?::(?P<column>\d+))?: (?P<words>.+)")
 
 
 @dataclass(frozen=True)
 class Expected:
-    """An expected error: the file and the line it is on, words that it contains, and its code."""
+    """An expected error: where it is, words that it contains, and its code.
+
+    Attributes:
+        file: Name of the file.
+        line: Number of the line.
+        column: Number of the column; None for any.
+        words: Part of the message.
+        code: Its code.
+    """
 
     file: str
     line: int
+    column: int | None
     words: str
     code: str
 
     @classmethod
-    def of(cls, file: str, line: str | int, text: str) -> Expected:
+    def of(cls, file: str, line: str | int, column: str | None, text: str) -> Expected:
         """Take words and code apart."""
         code = code_of(f" {text.strip()}")
-        return cls(file, int(line), text.strip().removesuffix(f"[{code}]").strip(), code)
+        words = text.strip().removesuffix(f"[{code}]").strip()
+        return cls(file, int(line), int(column) if column else None, words, code)
 
 
 @dataclass(frozen=True)
@@ -112,7 +122,7 @@ def _read(topic: str) -> Iterator[Case]:
 def _files(body: str, base: Mapping[str, str]) -> tuple[dict[str, bytes], list[Expected]]:
     """Return the files of a case, and the errors that they must cause."""
     marks = [
-        Expected.of(found["file"], found["line"], found["words"])
+        Expected.of(found["file"], found["line"], found["column"], found["words"])
         for line in body.splitlines()
         if (found := AT.fullmatch(line))
     ]
@@ -131,7 +141,7 @@ def _files(body: str, base: Mapping[str, str]) -> tuple[dict[str, bytes], list[E
         text = text if manner == "whole" or name not in base else _changed(base[name], text)
         files[name] = text.encode()
         marks += [
-            Expected.of(name, number, found[1])
+            Expected.of(name, number, found["column"], found["words"])
             for number, line in enumerate(text.split("\n"), start=1)
             if (found := MARK.search(line))
         ]

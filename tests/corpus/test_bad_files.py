@@ -20,7 +20,7 @@ from tests.commands import problem_lines
 from tests.corpus import cases
 from tests.corpus.cases import Case, Expected
 
-POSITION = re.compile(r"([^:\s]+):(\d+):\d+: ")
+POSITION = re.compile(r"([^:\s]+):(\d+):(\d+): ")
 LOCATED = re.compile(rf"(?P<positions>(?:{POSITION.pattern})+)(?P<words>\S.*)")
 FAULTY = cases.faulty()
 FEWEST = 200
@@ -31,8 +31,10 @@ composed = cache(lambda: schema_of(registry().offers()))
 
 @pytest.fixture(autouse=True)
 def _in_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """An empty folder to stand in; plugins are looked for once, not for each file."""
-    monkeypatch.chdir(tmp_path)
+    """An empty folder, and none beside it, to stand in; plugins are found once for all files."""
+    folder = tmp_path / "empty"
+    folder.mkdir()
+    monkeypatch.chdir(folder)
     monkeypatch.setattr("star_core.plugin_support.registry.Registry", registry)
     monkeypatch.setattr(schema, "compose", lambda _offers: composed())
 
@@ -46,7 +48,8 @@ def errors_of(lines: list[str]) -> Iterator[list[Expected]]:
         match = LOCATED.fullmatch(line)
         assert match, f"no position: {line}"
         positions = POSITION.findall(match["positions"])
-        yield [Expected.of(file, number, match["words"]) for file, number in positions]
+        words = match["words"]
+        yield [Expected.of(file, line, column, words) for file, line, column in positions]
 
 
 @pytest.mark.parametrize("topic", cases.topics())
@@ -72,6 +75,7 @@ def test_a_fault_is_reported_on_its_line_and_nowhere_else(
     for expected in case.expected:
         assert any(
             (error.file, error.line) == (expected.file, expected.line)
+            and expected.column in {None, error.column}
             and expected.words in error.words
             and expected.code == error.code
             for errors in reported

@@ -171,47 +171,6 @@ def test_a_good_world_has_no_fault() -> None:
 
 
 @pytest.mark.parametrize(
-    ("line", "expected"),
-    [
-        ("polygon: [[0, 0], [1, 1]]", "16: obstacles.a.polygon: has 2 items, expected at least 3"),
-        ("polyline: [[0, 0], [1, 1]]", "6: obstacles.a: 'polyline' goes with 'thickness', which"),
-        (
-            "polygon: [[0, 0], [1, 1], [1, 0]], thickness: 1",
-            "6: obstacles.a: 'thickness' goes with 'polyline', which is missing",
-        ),
-        (
-            "polygon: [[0, 0], [1, 1], [1, 0]], polyline: [[0, 0], [1, 1]], thickness: 1",
-            "6: obstacles.a: expected exactly one of polygon, polyline, box, cylinder; "
-            "this has 'polygon' and 'polyline'",
-        ),
-        (
-            "",
-            "6: obstacles.a: expected exactly one of polygon, polyline, box, cylinder; "
-            "this has none of them",
-        ),
-        (
-            "box: {centre: [0, 0], size: [1, 0]}",
-            "39: obstacles.a.box.size: 0 is less than the minimum of 0.001",
-        ),
-        ("box: {centre: [0, 0]}", "7: obstacles.a.box: missing key 'size'"),
-        (
-            "cylinder: {centre: [0, 0], radius: -1}",
-            "42: obstacles.a.cylinder.radius: -1 is less than the minimum of 0.001",
-        ),
-        (
-            "polyline: [[0, 0], [1, 1]], thickness: 0",
-            "46: obstacles.a.thickness: 0 is less than the minimum of 0.001",
-        ),
-    ],
-)
-def test_obstacles_are_one_polygon_polyline_box_or_cylinder(line: str, expected: str) -> None:
-    both = f"{line}, height: [0, 1]" if line else "height: [0, 1]"
-    text = f"{WORLD}obstacles:\n  a: {{{both}}}\n"
-    (found,) = problems(document(text), load("world"))
-    assert found.startswith(f"m.yaml:5:{expected}")
-
-
-@pytest.mark.parametrize(
     ("pattern", "fits", "not_so"),
     [("^US\\$$", "US$", "US$\n"), ("^US\\$", "US$5", "US5"), ("^a$", "a", "a\n")],
 )
