@@ -126,13 +126,17 @@ def replay(run: Run) -> Figure:
     low, high = (np.array(corner) for corner in (run.world.fence.low, run.world.fence.high))
     data: list[Figure] = [_fence(low, high)]
     data += [mesh for some in _obstacles(run) for mesh in _prisms(*some)]
-    for tags, paint in ((run.world.landmarks, LANDMARK), (run.world.targets, TARGET)):
+    for name, tags, paint in (
+        ("landmarks", run.world.landmarks, LANDMARK),
+        ("targets", run.world.targets, TARGET),
+    ):
         if tags:
             points = np.array([tag.position for tag in tags])
             data.append(
                 {
                     "type": "scatter3d",
                     "mode": "markers+text",
+                    "name": name,
                     **_xyz(points),
                     "text": _labels(tags),
                     "hovertext": [f"{tag.of} ({tag.id})" for tag in tags],

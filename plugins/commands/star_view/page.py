@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import redirect_stdout
+from functools import partial
 from io import StringIO
 from typing import Final
 
@@ -11,6 +12,7 @@ import viser
 
 from star_core import World
 from star_view.gate import Gate
+from star_view.names import Name, show_names
 from star_view.world_scene import add_world
 
 LOOPBACK: Final = "127.0.0.1"
@@ -30,11 +32,16 @@ class Page(viser.ViserServer):
         title: Of the page.
         token: Of an earlier page, in whose place this one is served; a new one by default.
 
+    Attributes:
+        gate: Its guard.
+        names: In its scene.
+
     Raises:
         PluginError: This version of viser cannot be guarded.
     """
 
     def __init__(self, port: int, title: str, token: str | None = None) -> None:
+        self.names: list[Name] = []
         self.gate = Gate(LOOPBACK, self._control, token)
         with redirect_stdout(StringIO()), self.gate.guarding():  # viser prints a box
             super().__init__(host=LOOPBACK, port=port, label=title, verbose=False)
@@ -79,7 +86,8 @@ def open_page(world: World, port: int, title: str, token: str | None = None) -> 
             client.camera.look_at = tuple(lower)
 
     server.on_client_connect(step_back)
-    add_world(page, world)
+    server.names += add_world(page, world)
+    server.on_client_connect(partial(show_names, server.names))
     return server
 
 

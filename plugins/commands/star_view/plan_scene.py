@@ -14,6 +14,8 @@ from star_core import Agent, Array, Mission, Registry
 from star_core.toolkit import Rehearsal, RehearsedStep, actions, shortlist
 from star_view.footprints import footprint
 from star_view.markdown import escaped
+from star_view.names import Name
+from star_view.page import Page
 from star_view.swarm_scene import Footprint, color_of, dashes, segments, switch
 
 PAD: Final = 0.15  # m, radius of a pad
@@ -57,16 +59,14 @@ def planned_steps(mission: Mission, registry: Registry) -> list[PlannedStep]:
     ]
 
 
-def add_plan(
-    server: viser.ViserServer, agents: Sequence[Agent], steps: Sequence[PlannedStep]
-) -> None:
+def add_plan(server: Page, agents: Sequence[Agent], steps: Sequence[PlannedStep]) -> None:
     """Add the agents' pads, the planned paths, first camera footprints, and the list of steps."""
     page, names = server.scene, [agent.name for agent in agents]
     layers = [page.add_frame(f"/{name}", show_axes=False) for name in ("pads", "plan")]
     ends = {agent.name: np.array(agent.start) for agent in agents}
     for row, agent in enumerate(agents):
         _add_start(page, agent, steps, row)
-    labels: dict[tuple[float, ...], list[str]] = {}  # by their positions
+    labels: dict[tuple[float, float, float], list[str]] = {}  # by their positions
     for number, step in enumerate(steps, start=1):
         for name, path in step.paths.items():
             ends[name], color = path[-1], color_of(names.index(name))
@@ -78,12 +78,12 @@ def add_plan(
                     thickness=WIDTH,
                     thickness_units="screen",
                 )
-                labels.setdefault(tuple(path[-1].round(1)), []).append(f"{number} {step.verb}")
-    for i, (position, texts) in enumerate(labels.items() if len(labels) <= MAX_LABELS else ()):
-        page.add_label(
-            f"/plan/labels/{i}", ", ".join(texts), position=np.array(position),
-            font_screen_scale=0.7, anchor="top-center",
-        )  # fmt: skip
+                x, y, z = path[-1].round(1).tolist()
+                labels.setdefault((x, y, z), []).append(f"{number} {step.verb}")
+    server.names += [
+        Name(f"/plan/labels/{i}", ", ".join(texts), position, below=True)
+        for i, (position, texts) in enumerate(labels.items() if len(labels) <= MAX_LABELS else ())
+    ]
     for row, name in enumerate(names):
         if ends[name][2] < PAD:
             _add_pad(page, f"/pads/landing/{name}", ends[name], color_of(row), filled=False)

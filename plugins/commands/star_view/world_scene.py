@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -10,6 +10,7 @@ import shapely
 
 from star_core import Tag, World
 from star_core.toolkit import Beacon, box_edges, obstacle_meshes
+from star_view.names import Name
 
 if TYPE_CHECKING:
     from viser import SceneApi
@@ -21,13 +22,13 @@ TARGET: Final = (199, 119, 0)
 BEACON: Final = (123, 63, 160)
 BEACON_SIZE: Final = 0.08  # m
 VIEW: Final = 0.4  # m, length of the line in which a base station looks
-LABEL: Final = 0.8  # size of the names, over those of agents
+ABOVE: Final = 0.05  # m, of a name over what it names
 TAG_THICKNESS: Final = 0.01  # m
 VIRTUAL: Final = 0.15  # opacity of virtual obstacles
 
 
-def add_world(scene: SceneApi, world: World) -> None:
-    """Add the floor, the geofence, obstacles, tags, base stations and anchors."""
+def add_world(scene: SceneApi, world: World) -> list[Name]:
+    """Add the floor, the geofence, obstacles, tags, base stations and anchors; return the names."""
     low, high = np.array(world.fence.low), np.array(world.fence.high)
     width, depth, _ = high - low
     centre = (low + high) / 2
@@ -36,6 +37,7 @@ def add_world(scene: SceneApi, world: World) -> None:
     scene.add_line_segments(
         "/fence", points=edges, colors=FENCE, thickness=1.5, thickness_units="screen"
     )
+    names = []
     for obstacle, opacity in (
         *((obstacle, 0.55) for obstacle in world.obstacles),
         *((obstacle, VIRTUAL) for obstacle in world.virtual),
@@ -46,21 +48,17 @@ def add_world(scene: SceneApi, world: World) -> None:
                 flat_shading=True, side="double", cast_shadow=False, receive_shadow=False,
             )  # fmt: skip
         at = shapely.Polygon(obstacle.polygons[0]).representative_point()
-        position = (at.x, at.y, obstacle.height[1] + 0.05)
-        scene.add_label(
-            f"/obstacles/{obstacle.name}/name",
-            obstacle.name,
-            position=position,
-            font_screen_scale=LABEL,
-        )
-    _add_tags(scene, "landmarks", world.landmarks, LANDMARK)
-    _add_tags(scene, "targets", world.targets, TARGET)
+        node = f"/obstacles/{obstacle.name}/name"
+        names.append(Name(node, obstacle.name, (at.x, at.y, obstacle.height[1] + ABOVE)))
+    names += _add_tags(scene, "landmarks", world.landmarks, LANDMARK)
+    names += _add_tags(scene, "targets", world.targets, TARGET)
     for beacon in (*world.base_stations, *world.anchors):
-        _add_beacon(scene, beacon, looks=beacon in world.base_stations)
+        names.append(_add_beacon(scene, beacon, looks=beacon in world.base_stations))
+    return names
 
 
-def _add_beacon(scene: SceneApi, beacon: Beacon, *, looks: bool) -> None:
-    """Add a base station or an anchor with its name, and in which direction it looks."""
+def _add_beacon(scene: SceneApi, beacon: Beacon, *, looks: bool) -> Name:
+    """Add a base station or an anchor, and in which direction it looks; return its name."""
     x, y, z, w = beacon.rotation
     name = f"/beacons/{beacon.name}"
     scene.add_box(
@@ -72,14 +70,14 @@ def _add_beacon(scene: SceneApi, beacon: Beacon, *, looks: bool) -> None:
             f"{name}/view", points=np.array([[(0.0, 0.0, 0.0), (VIEW, 0.0, 0.0)]]), colors=BEACON,
             thickness=2, thickness_units="screen",
         )  # fmt: skip
-    scene.add_label(
-        f"{name}/label", beacon.name, position=(0.0, 0.0, BEACON_SIZE), font_screen_scale=LABEL,
-        anchor="bottom-center",
-    )  # fmt: skip
+    x, y, z = beacon.position
+    return Name(f"{name}/label", beacon.name, (x, y, z + BEACON_SIZE))
 
 
-def _add_tags(scene: SceneApi, kind: str, tags: Iterable[Tag], color: tuple[int, int, int]) -> None:
-    """Add tags, and one label for those of each landmark or target."""
+def _add_tags(
+    scene: SceneApi, kind: str, tags: Iterable[Tag], color: tuple[int, int, int]
+) -> Iterator[Name]:
+    """Add tags, and yield one name for those of each landmark or target."""
     groups: dict[str, list[Tag]] = {}
     for tag in tags:
         groups.setdefault(tag.of, []).append(tag)
@@ -91,7 +89,4 @@ def _add_tags(scene: SceneApi, kind: str, tags: Iterable[Tag], color: tuple[int,
     for name, members in groups.items():
         numbers = ", ".join(str(tag.id) for tag in members)
         x, y, z = np.mean([tag.position for tag in members], axis=0)
-        scene.add_label(
-            f"/{kind}/{name}/label", f"{name} ({numbers})", position=(x, y, z + 0.05),
-            font_screen_scale=LABEL, anchor="bottom-center",
-        )  # fmt: skip
+        yield Name(f"/{kind}/{name}/label", f"{name} ({numbers})", (x, y, z + ABOVE))

@@ -43,7 +43,7 @@ star: 1
 name: room
 fence: {low: [-2, -2, 0], high: [2, 2, 2]}
 obstacles: {pillar: {polygon: [[1, 1], [1.2, 1], [1.2, 1.2], [1, 1.2]], height: [0, 2]}}
-landmarks: {door: {tags: [3], at: [0, 1.5, 0]}}
+landmarks: {door: {tags: [300, 301], size: 0.05, at: [0, 1.5, 0]}}
 """
 
 
@@ -80,8 +80,14 @@ LEGEND = (  # px, how much of the plot it covers
 )
 
 
+NAMES = (  # that cover no others
+    "[...drawn[0].querySelectorAll('.textpoint, .annotation-text')]"
+    ".filter(name => name.style.visibility !== 'hidden').map(name => name.textContent).join(' ')"
+)
+
+
 @pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium")
-def test_the_legend_is_above_the_plot_after_a_resize(run: Run, tmp_path: Path) -> None:
+def test_no_text_covers_another_after_a_resize(run: Run, tmp_path: Path) -> None:
     out = tmp_path / "page.html"
     assert main(["report", str(run.folder), "-o", str(out)]) == 0
     with Chromium(out.as_uri()) as chromium:
@@ -90,6 +96,7 @@ def test_the_legend_is_above_the_plot_after_a_resize(run: Run, tmp_path: Path) -
             chromium.screenshot(width, 900)
             chromium.wait_for("Math.abs(drawn[0]._fullLayout.width - drawn[0].clientWidth) < 1")
             chromium.wait_for(f"{LEGEND} <= 1")
+            assert chromium.run(NAMES) == "300 pillar"
 
 
 def test_the_page_has_the_command_commit_and_seed(

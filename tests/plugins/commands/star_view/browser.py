@@ -62,9 +62,12 @@ class Browser:
         self._socket.close()
 
     def wait_for(self, text: str) -> None:
-        """Read until the panel shows a text."""
+        """Read until the panel shows a text, or the scene has an object of that name."""
         deadline = time.monotonic() + PATIENCE
-        while not any(text in shown for shown in [*self.texts.values(), *self.controls]):
+        while not (
+            text in self.nodes
+            or any(text in shown for shown in [*self.texts.values(), *self.controls])
+        ):
             assert time.monotonic() < deadline, f"no {text!r} in {self.texts} {[*self.controls]}"
             self._read()
 
