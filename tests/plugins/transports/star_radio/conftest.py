@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterator
+import time
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, TypeAlias
 
+import numpy as np
 import pytest
 
 import star_radio
-from star_core import Scene
+from star_core import Command, Order, Scene, Telemetry, Trajectory
 from star_core.plugin_support.option_schema import fill_defaults
 from star_core.testing import scene
+from star_fleet.server import Fleet
 from star_radio.options import OPTIONS
 from star_radio.transport import Radio
 from tests.plugins.transports.star_radio.peer import Peer, PeerClock, UdpPeer
@@ -21,6 +24,8 @@ from tests.plugins.transports.star_radio.virtual import virtual
 
 Open: TypeAlias = Callable[..., Radio]
 Peers: TypeAlias = Callable[..., list[Peer]]
+UNSERVED = "udp://127.0.0.1:9"  # the port `discard`, which has no server
+TICK = 0.05  # s
 
 
 def options(**given: Any) -> dict[str, Any]:
@@ -35,6 +40,50 @@ def reached(uris: list[str], rate: float = 20.0) -> Scene:
         dataclasses.replace(agent, uri=uri) for agent, uri in zip(room.agents, uris, strict=True)
     )
     return dataclasses.replace(room, agents=agents, realtime=True)
+
+
+def command(
+    order: Order,
+    rows: Sequence[int] = (0,),
+    position: Sequence[float] = (0.0, 0.0, 0.0),
+    *,
+    yaw: float = 0.0,
+    duration: float = 1.0,
+    trajectory: Trajectory | None = None,
+) -> Command:
+    """The same command to some agents."""
+    n = len(rows)
+    at, yaws, durations = np.tile(position, (n, 1)), np.full(n, yaw), np.full(n, duration)
+    return Command(order, np.array(rows), at, yaws, durations, trajectory)
+
+
+def ticks(radio: Radio, n: int) -> list[Telemetry]:
+    """Let ticks of 50 ms pass, the first at once; return what was received in each."""
+    first = 0.0 if radio.began is None else time.monotonic() - radio.began
+    received = []
+    for i in range(n):
+        radio.wait(first + i * TICK)
+        received.append(radio.receive())
+    return received
+
+
+def received(fleet: Fleet, monkeypatch: pytest.MonkeyPatch) -> list[tuple[int, int, bytes]]:
+    """Return port, channel and payload of every packet that drones receive from now on."""
+    packets: list[tuple[int, int, bytes]] = []
+    handle = fleet.handle
+
+    def handled(row: int, packet: bytes, *, tcp: bool = False) -> list[bytes]:
+        packets.append((packet[0] >> 4, packet[0] & 3, packet[1:]))
+        return handle(row, packet, tcp=tcp)
+
+    monkeypatch.setattr(fleet, "handle", handled)
+    return packets
+
+
+@pytest.fixture
+def soon(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Have questions asked again at every tick."""
+    monkeypatch.setattr("star_radio.connection.questions.Answers.timeout", 0.02)
 
 
 @pytest.fixture

@@ -2,25 +2,26 @@
 
 from __future__ import annotations
 
+import math
 import struct
 import sys
 import threading
 from collections.abc import Callable
 from types import ModuleType
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 import pytest
 
 import star_radio
-from star_core import Command, Corrections, Order, PluginError, Setpoint
+from star_core import Corrections, Order, PluginError, Setpoint
 from star_radio import orders
 from star_radio.address import RadioAddress
 from star_radio.broadcast import REPEATS, BroadcastCommands, Broadcaster
 from star_radio.connection.tables import Entry
 from star_radio.orders import POSES, pose_entry
 from star_radio.transport import Radio
-from tests.plugins.transports.star_radio.conftest import options, reached
+from tests.plugins.transports.star_radio.conftest import command, options, reached
 from tests.waiting import eventually
 
 
@@ -129,34 +130,10 @@ AIRED = [RadioAddress("1", 80, "2M", "E7E7E7E701")]
 AIR = ["radio://0/80/2M/E7E7E7E701", "udp://127.0.0.1:1", "radio://0/80/2M/E7E7E7E702"]
 
 
-@pytest.mark.parametrize(
-    ("packets", "rows"),
-    [
-        ({0: b"a", 1: b"b", 2: b"a"}, (0, 2)),
-        ({0: b"a", 2: b"a"}, (0, 2)),
-        ({0: b"a", 2: b"b"}, ()),
-        ({0: b"a"}, ()),
-        ({1: b"a"}, ()),
-    ],
-)
-def test_an_order_is_broadcast_if_it_is_the_same_for_every_radio(
-    dongles: list[Dongle], packets: dict[int, bytes], rows: tuple[int, ...]
-) -> None:
-    broadcasts = BroadcastCommands(reached(AIR), 1)
-    assert tuple(broadcasts.order(packets)) == rows
-    assert settled(dongles[1], REPEATS if rows else 0)
-    broadcasts.close()
-
-
-def corrections(n: int) -> Corrections:
-    turn: Any = np.tile([0.0, 0, 0, 1], (n, 1))
-    return Corrections(np.arange(n), np.ones((n, 3)), turn, np.full(n, 0.05), np.full(n, 0.05))
-
-
-def placed(n: int, away: float = 1.0) -> Corrections:
-    """Corrections of positions only."""
-    at, turn = np.full((n, 3), away), np.zeros((n, 4))
-    return Corrections(np.arange(n), at, turn, np.full(n, 0.05), np.full(n, np.inf))
+def corrections(n: int, *, attitude_std: float = 0.05, away: float = 1.0) -> Corrections:
+    """Corrections of poses; of positions only if the deviation of attitudes is infinite."""
+    at, turn = np.full((n, 3), away), np.tile([0.0, 0, 0, 1], (n, 1))
+    return Corrections(np.arange(n), at, turn, np.full(n, 0.05), np.full(n, attitude_std))
 
 
 def test_corrections_of_radios_are_broadcast_once(dongles: list[Dongle]) -> None:
@@ -187,7 +164,7 @@ def test_four_positions_go_into_one_packet(dongles: list[Dongle]) -> None:
     )
     dongles[1].go.clear()
     broadcasts.order(dict.fromkeys(range(6), orders.stop()))  # holds up what comes after it
-    assert tuple(broadcasts.correct(placed(6))) == tuple(range(6))
+    assert tuple(broadcasts.correct(corrections(6, attitude_std=math.inf))) == tuple(range(6))
     dongles[1].go.set()
     broadcasts.close()
     first, second = dongles[1].sent[REPEATS:]
@@ -199,7 +176,7 @@ def test_four_positions_go_into_one_packet(dongles: list[Dongle]) -> None:
 
 def test_agents_beyond_millimetre_range_are_not_broadcast(dongles: list[Dongle]) -> None:
     broadcasts = BroadcastCommands(reached(AIR), 1)
-    assert tuple(broadcasts.correct(placed(3, away=33.0))) == ()
+    assert tuple(broadcasts.correct(corrections(3, attitude_std=math.inf, away=33.0))) == ()
     broadcasts.close()
     assert dongles[1].sent == []
 
@@ -295,17 +272,13 @@ def said(monkeypatch: pytest.MonkeyPatch) -> Callable[[], tuple[Radio, list[tupl
     return make
 
 
-def ordered(order: Order, n: int = 2) -> Command:
-    return Command(order, np.arange(n), np.zeros((n, 3)), np.zeros(n), np.ones(n))
-
-
 Said: TypeAlias = Callable[[], tuple[Radio, list[tuple[str, str]]]]
 
 
 @pytest.mark.usefixtures("dongles")
 def test_drones_are_armed_before_a_take_off_is_broadcast(said: Said) -> None:
     radio, log = said()
-    radio.command(ordered(Order.TAKEOFF))
+    radio.command(command(Order.TAKEOFF, [0, 1]))
     assert log == [("cf1", "arm"), ("cf2", "arm"), ("all", "order")]
     radio.close()
 
@@ -314,13 +287,13 @@ def test_drones_are_armed_before_a_take_off_is_broadcast(said: Said) -> None:
 def test_an_order_goes_to_each_while_setpoints_fly_one_of_them(said: Said) -> None:
     radio, log = said()
     radio.send(Setpoint(np.zeros((2, 3)), np.zeros(2), np.array([False, True])))
-    radio.command(ordered(Order.LAND))
+    radio.command(command(Order.LAND, [0, 1]))
     assert log == [("cf2", "setpoint"), ("cf1", "order")]
     radio.wait(0.0)
     radio.wait(0.2)
     radio.wait(0.2)
     assert ("cf2", "order") in log
-    radio.command(ordered(Order.LAND))
+    radio.command(command(Order.LAND, [0, 1]))
     assert log[-1] == ("all", "order")
     radio.close()
 
@@ -329,7 +302,7 @@ def test_an_order_goes_to_each_while_setpoints_fly_one_of_them(said: Said) -> No
 def test_a_stop_is_broadcast_to_agents_that_setpoints_fly_too(said: Said) -> None:
     radio, log = said()
     radio.send(Setpoint(np.zeros((2, 3)), np.zeros(2), np.ones(2, np.bool_)))
-    radio.command(ordered(Order.STOP))
+    radio.command(command(Order.STOP, [0, 1]))
     assert log[2:] == [("all", "order"), ("cf1", "let go"), ("cf2", "let go")]
     radio.close()
 
@@ -347,7 +320,7 @@ def test_deviations_are_sent_before_poses_are_broadcast(said: Said) -> None:
 @pytest.mark.usefixtures("dongles")
 def test_with_positions_alone_no_deviation_of_attitudes_is_sent(said: Said) -> None:
     radio, log = said()
-    radio.correct(placed(2))
+    radio.correct(corrections(2, attitude_std=math.inf))
     assert log == [("cf1", "deviation"), ("cf2", "deviation"), *[("all", "pose")] * 2]
     radio.close()
 
@@ -355,7 +328,7 @@ def test_with_positions_alone_no_deviation_of_attitudes_is_sent(said: Said) -> N
 @pytest.mark.usefixtures("dongles")
 def test_a_broadcast_take_off_is_confirmed_by_any_of_its_answers(said: Said) -> None:
     radio, _log = said()
-    radio.command(ordered(Order.TAKEOFF))
+    radio.command(command(Order.TAKEOFF, [0, 1]))
     radio.vehicles[0].link.hear(b"\x80\7\0\0\1", 0.0)  # a repetition: the plan is in the way
     assert radio.vehicles[0].retry(0.0) == []
     radio.close()

@@ -6,15 +6,14 @@ import json
 import math
 import struct
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from star_core import PluginError
-from tests.plugins.transports.star_radio.conftest import Open, Peers
-from tests.plugins.transports.star_radio.peer import PARAMETERS, VALUES
-
-UNSERVED = "udp://127.0.0.1:9"  # the port `discard`, which has no server
+from tests.plugins.transports.star_radio.conftest import UNSERVED, Open, Peers, ticks
+from tests.plugins.transports.star_radio.peer import PARAMETERS, VALUES, Peer
 
 
 def test_a_drone_reports_as_soon_as_it_is_connected(peers: Peers, connect: Open) -> None:
@@ -81,16 +80,11 @@ def test_an_estimator_that_does_not_settle_is_named(
 
 
 def test_an_estimator_that_is_left_alone_is_not_waited_for(peers: Peers, connect: Open) -> None:
-    [drone] = peers()
+    [drone] = peers(lacks=("kalman.resetEstimation",))
     drone.values |= dict.fromkeys(VARIANCES, math.nan)
     connect([drone], reset=False)
-    assert all(payload[1:2] != b"\2" for payload in drone.sent_to(5, 1))
-
-
-def test_an_estimator_is_left_alone_where_that_is_wanted(peers: Peers, connect: Open) -> None:
-    [drone] = peers(lacks=("kalman.resetEstimation",))
-    connect([drone], reset=False)
     assert drone.sent_to(2, 2) == []
+    assert all(payload[1:2] != b"\2" for payload in drone.sent_to(5, 1))
 
 
 def test_the_second_of_two_drones_reads_no_table(peers: Peers, connect: Open) -> None:
@@ -142,15 +136,6 @@ def test_an_old_answer_is_not_taken_for_a_new_one(
     radio = connect([drone], response_timeout=2.0)
     assert drone.stored["kalman.resetEstimation"] == b"\0"
     assert radio.receive().age[0] < 0.5
-
-
-def test_a_parameter_that_keeps_another_value_is_named(peers: Peers, connect: Open) -> None:
-    [drone] = peers()
-    drone._write = lambda payload: payload[:2] + b"\1"  # type: ignore[method-assign]
-    with pytest.raises(
-        PluginError, match=r"no answer about parameter 'ring.effect' .* in 0.6 s, but '030001'"
-    ):
-        connect([drone], parameters={"ring.effect": 7})
 
 
 def test_reports_that_end_again_are_begun_anew(peers: Peers, connect: Open) -> None:
@@ -207,50 +192,70 @@ def test_no_agent_flies_when_all_are_absent(make: Open, absent: str) -> None:
     assert "fly-without" not in str(caught.value)
 
 
-def test_an_address_without_a_driver_is_named(make: Open) -> None:
-    with pytest.raises(PluginError, match=r"cf1 .cflib has no driver for 'tin://can'"):
-        make(["tin://can"]).connect()
+@pytest.mark.parametrize(
+    ("uri", "problem"),
+    [
+        ("tin://can", r".cflib has no driver for 'tin://can'"),
+        ("radio://0/80/2M", r"\(radio://0/80/2M: .*[Cc]razyradio"),
+    ],
+)
+def test_a_link_without_a_driver_or_dongle_is_named(make: Open, uri: str, problem: str) -> None:
+    with pytest.raises(PluginError, match=f"cf1 {problem}"):
+        make([uri]).connect()
 
 
-def test_a_dongle_that_is_not_there_is_named(make: Open) -> None:
-    with pytest.raises(PluginError, match=r"cf1 \(radio://0/80/2M: .*[Cc]razyradio"):
-        make(["radio://0/80/2M"]).connect()
+def confuse(drone: Peer, method: str, answer: bytes) -> None:
+    """Let a drone answer the requests that a method answers by their beginnings and some bytes."""
+    setattr(drone, method, lambda payload, *_more: payload[:2] + answer)
 
 
-def test_old_firmware_is_refused(peers: Peers, connect: Open) -> None:
-    with pytest.raises(PluginError, match="has protocol version 3, expected 4 or later"):
-        connect(peers(version=3))
-
-
-def test_an_answer_that_is_too_short_is_reported(peers: Peers, connect: Open) -> None:
+@pytest.mark.parametrize(
+    ("spoil", "problem"),
+    [
+        (lambda drone: setattr(drone, "version", 3), "version 3, expected 4 or later"),
+        (lambda drone: confuse(drone, "_table", b""), "sent an invalid answer: unpack_from"),
+        (lambda drone: drone.values.pop("pm.vbatMV"), "no log variable 'pm.vbatMV' or 'pm.vbat'"),
+        (lambda drone: setattr(drone, "refuses_block", 12), "log block .*: it has no memory left"),
+        (lambda drone: confuse(drone, "_log", b"\0\0"), "does not report its state"),
+        (
+            lambda drone: drone.lose.update({b"\x22\3\0": 1000}),
+            "no answer about parameter 'ring.effect' from udp://",
+        ),
+        (
+            lambda drone: confuse(drone, "_write", b"\1"),
+            "no answer about parameter 'ring.effect' .* in 0.6 s, but '030001'",
+        ),
+    ],
+)
+def test_a_drone_that_cannot_be_flown_is_named(
+    peers: Peers, connect: Open, spoil: Callable[[Peer], object], problem: str
+) -> None:
     [drone] = peers()
-    drone._table = lambda payload, _entries, _salt: payload  # type: ignore[method-assign,assignment]
-    with pytest.raises(PluginError, match=r"cf1 .udp://.* sent an invalid answer: unpack_from"):
-        connect([drone])
+    spoil(drone)
+    with pytest.raises(PluginError, match=rf"cf1 \(.*{problem}"):
+        connect([drone], parameters={"ring.effect": 7})
 
 
-def test_log_variables_that_lack_are_named(peers: Peers, connect: Open) -> None:
-    lacks = ("supervisor.info", "pm.vbatMV")
-    with pytest.raises(
-        PluginError, match=r"no log variable 'pm.vbatMV' or 'pm.vbat', 'supervisor.info'; update it"
-    ):
-        connect(peers(lacks=lacks))
+MOTORS = "parameter 'motorPowerSet.enable' would run motors past the safety filter"
 
 
-def test_a_block_that_cannot_be_added_is_named(peers: Peers, connect: Open) -> None:
-    drones = peers()
-    drones[0].refuses_block = 12
-    with pytest.raises(
-        PluginError, match=r"cf1 .it refuses the log block.*: it has no memory left"
-    ):
-        connect(drones)
-
-
-def test_a_drone_that_does_not_report_is_named(peers: Peers, connect: Open) -> None:
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("pid.nothing", 1, "its firmware has no parameter 'pid.nothing'"),
+        ("system.selftestPassed", 1, "parameter 'system.selftestPassed' is read-only"),
+        ("ring.effect", 1.5, "parameter 'ring.effect' is a whole number, got 1.5"),
+        ("ring.effect", 300, "parameter 'ring.effect' cannot be 300: "),
+        ("motorPowerSet.enable", 1, MOTORS),
+    ],
+)
+def test_a_parameter_that_cannot_be_set_is_named(
+    peers: Peers, connect: Open, name: str, value: float, message: str
+) -> None:
     [drone] = peers()
-    drone._log = lambda payload: payload[:2] + b"\0\0"  # type: ignore[method-assign]
-    with pytest.raises(PluginError, match="does not report its state"):
-        connect([drone])
+    with pytest.raises(PluginError, match=f"cf1 .{message}"):
+        connect([drone], parameters={name: value})
+    assert drone.stored.get(name, b"") == PARAMETERS.get(name, (0, b""))[1]
 
 
 def test_parameters_are_set_in_their_own_types(peers: Peers, connect: Open) -> None:
@@ -276,38 +281,18 @@ def test_parameters_are_set_in_flight_until_confirmed(
     radio.set_parameters([0, 1], {"ring.effect": 7})
     radio.set_parameters([0, 1], {"ring.effect": float("nan")})
     radio.set_parameters([0, 1], {"pid.nothing": 1})
-    for tick in range(40):
-        radio.wait(0.05 * tick)
+    radio.set_parameters([0, 1], {"motorPowerSet.enable": 1, "pm.nothing": 2})
+    ticks(radio, 40)
+    assert first.stored["motorPowerSet.enable"] == b"\0"
     effects = [drone.stored["ring.effect"] for drone in (first, second, third)]
     assert effects == [b"\7", b"\7", PARAMETERS["ring.effect"][1]]
     assert second.lose[b"\x22\3\0"] == 0
     assert [record.getMessage() for record in caplog.records] == [
         "radio: cf1, cf2: parameter 'ring.effect' is a whole number, got nan",
         "radio: cf1, cf2: its firmware has no parameter 'pid.nothing'",
+        f"radio: cf1, cf2: {MOTORS}",
+        "radio: cf1, cf2: its firmware has no parameter 'pm.nothing'",
     ]
-
-
-@pytest.mark.parametrize(
-    ("name", "value", "message"),
-    [
-        ("pid.nothing", 1, "its firmware has no parameter 'pid.nothing'"),
-        ("system.selftestPassed", 1, "parameter 'system.selftestPassed' is read-only"),
-        ("ring.effect", 1.5, "parameter 'ring.effect' is a whole number, got 1.5"),
-        ("ring.effect", 300, "parameter 'ring.effect' cannot be 300: "),
-    ],
-)
-def test_a_parameter_that_cannot_be_set_is_named(
-    peers: Peers, connect: Open, name: str, value: float, message: str
-) -> None:
-    with pytest.raises(PluginError, match=f"cf1 .{message}"):
-        connect(peers(), parameters={name: value})
-
-
-def test_a_parameter_that_is_not_confirmed_is_named(peers: Peers, connect: Open) -> None:
-    [drone] = peers()
-    drone.lose[b"\x22\3\0"] = 1000
-    with pytest.raises(PluginError, match=r"no answer about parameter .ring.effect. from udp://"):
-        connect([drone], parameters={"ring.effect": 7})
 
 
 def test_closing_neither_locks_a_drone_nor_leaves_it_reporting(peers: Peers, connect: Open) -> None:

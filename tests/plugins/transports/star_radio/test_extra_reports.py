@@ -10,17 +10,16 @@ import pytest
 from star_core import Array, PluginError
 from star_radio.extra_reports import ACCELEROMETER, POSITION_VARIANCE
 from star_radio.transport import Radio
-from tests.plugins.transports.star_radio.conftest import Open, Peers
+from tests.plugins.transports.star_radio.conftest import Open, Peers, ticks
 from tests.plugins.transports.star_radio.peer import LINK_TIMEOUT, Peer
-from tests.plugins.transports.star_radio.test_report_stream import cut, tick
+from tests.plugins.transports.star_radio.test_report_stream import cut
 
 FORCE = {"acc.x": -0.02, "acc.y": 0.05}  # g
 MEASURED = 9.81 * np.array([-0.02, 0.05])  # m/s²
 
 
 def force(radio: Radio) -> Array:
-    tick(radio, 0.5)
-    measured = radio.receive().specific_force
+    measured = ticks(radio, 11)[-1].specific_force
     assert measured is not None
     first: Array = measured[0]
     return first
@@ -43,7 +42,7 @@ def test_its_log_block_is_created_again_after_a_cut_link(peers: Peers, connect: 
     silent = radio.receive().specific_force
     assert silent is not None
     assert np.isnan(silent).all()
-    tick(radio, 1.5)
+    ticks(radio, 31)
     assert force(radio) == pytest.approx(MEASURED, rel=1e-3)
 
 
@@ -85,8 +84,7 @@ def test_variances_of_positions_are_reported_where_they_count(peers: Peers, make
     [drone] = peers()
     drone.values |= VARIANCE
     radio = in_map([drone], make)
-    tick(radio, 0.5)
-    variance = radio.receive().position_variance
+    variance = ticks(radio, 11)[-1].position_variance
     assert variance is not None
     assert variance[0] == pytest.approx([*VARIANCE.values()], rel=1e-3)
     cut(drone, radio, 0.7)
@@ -99,8 +97,7 @@ def test_without_them_other_localizers_fly(peers: Peers, connect: Open) -> None:
     [drone] = peers()
     drone.values |= VARIANCE
     radio = connect([drone])
-    tick(radio, 0.5)
-    assert radio.receive().position_variance is None
+    assert ticks(radio, 11)[-1].position_variance is None
     assert all(packet[1:3] != bytes([6, POSITION_VARIANCE.number]) for packet in drone.got)
 
 

@@ -6,7 +6,7 @@ import dataclasses
 import logging
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import closing, contextmanager
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +15,6 @@ import pytest
 
 import star_radio
 from star_core import (
-    Command,
-    Corrections,
     Order,
     Registry,
     Scene,
@@ -24,17 +22,16 @@ from star_core import (
     Supervisor,
     Telemetry,
     Tick,
-    Trajectory,
     fly,
     hookimpl,
     load,
 )
 from star_core.testing import scene
 from star_fleet.aideck import CrtpOverTcp
-from star_radio import orders
 from star_radio.transport import Radio
 from tests.end_to_end.virtual_air import Air
 from tests.plugins.tasks.test_tracking import zigzag
+from tests.plugins.transports.star_radio.conftest import command
 from tests.plugins.transports.star_radio.conftest import options as defaults
 from tests.plugins.transports.star_radio.virtual import virtual
 from tests.simulators import ideal_fleet
@@ -96,42 +93,23 @@ class Flight:
     def until(self, done: Callable[[Telemetry], object], within: float = 6.0) -> bool:
         return any(done(self.tick()) for _ in range(round(within / TICK)))
 
-    def order(self, order: Order, z: float = 0.0, duration: float = 1.0) -> None:
-        n = self.n
-        position = np.tile([0.0, 0.0, z], (n, 1))
-        self.radio.command(
-            Command(order, np.arange(n), position, np.zeros(n), np.full(n, duration))
-        )
-
-    def down(self) -> bool:
-        """Land, and return whether all drones stay on the ground."""
-        self.order(Order.LAND)
-        return self.until(lambda now: finished(now) and not flying(now))
+    def order(self, order: Order, z: float = 0.0) -> None:
+        self.radio.command(command(order, range(self.n), (0.0, 0.0, z)))
 
 
 def finished(now: Telemetry) -> bool:
     return bool((now.state & int(Supervisor.COMMANDER_FINISHED)).all())
 
 
-def flying(now: Telemetry) -> bool:
-    return bool((now.state & int(Supervisor.FLYING)).any())
-
-
 def high(now: Telemetry) -> bool:
     return bool((now.position[:, 2] > 0.4).all()) and finished(now)
 
 
-@contextmanager
-def aired(*, noise: bool = False) -> Iterator[Air]:
-    """One simulated drone, and its virtual link and clock."""
-    air = Air(scene(1), noise=noise)
-    with virtual(air), closing(air.fleet):
-        yield air
-
-
 @pytest.fixture
 def air() -> Iterator[Air]:
-    with aired() as air:
+    """One simulated drone, and its virtual link and clock."""
+    air = Air(scene(1), noise=False)
+    with virtual(air), closing(air.fleet):
         yield air
 
 
@@ -205,38 +183,6 @@ def test_drones_flying_at_the_end_land_and_are_not_locked(
     assert not air.drones["locked"][0]
 
 
-def test_a_trajectory_is_flown(air: Air, tmp_path: Path) -> None:
-    flight = Flight(air.uris, scene(1), tmp_path)
-    rise = np.zeros((4, 8))
-    rise[0, 1] = 0.2  # m/s along x
-    pieces = np.stack([rise, rise + np.eye(4, 8) * [[0.14], [0], [0], [0]]])
-    flight.vehicles[0].upload(1, Trajectory(np.full(2, 0.7), pieces))
-    flight.order(Order.TAKEOFF, 0.5)
-    assert flight.until(high)
-    start = orders.start_trajectory(1, 12, relative=True)
-    flight.vehicles[0].order(start, "follow a trajectory")
-    assert flight.until(lambda now: now.position[0, 0] > 0.2)
-    assert flight.until(finished)
-    flight.radio.close()
-
-
-def test_corrections_reach_the_estimator(tmp_path: Path) -> None:
-    with aired(noise=True) as air:
-        flight = Flight(air.uris, scene(1), tmp_path)
-        flight.order(Order.TAKEOFF, 0.5)
-        assert flight.until(high)
-        turn, sure = np.array([[0.0, 0.0, 0.0, 1.0]]), np.array([0.01])
-        for _ in range(20):
-            here = flight.tick([0.0, 0.0, 0.0]).position
-            flight.radio.correct(
-                Corrections(
-                    np.zeros(1, np.int64), np.array([[1.0, 0, float(here[0, 2])]]), turn, sure, sure
-                )
-            )
-        assert flight.now.position[0, 0] > 0.7
-        flight.radio.close()
-
-
 def test_a_drone_is_flown_over_tcp_until_the_connection_is_gone(
     tmp_path: Path, capfd: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -261,15 +207,6 @@ def test_a_drone_is_flown_over_tcp_until_the_connection_is_gone(
     assert capfd.readouterr().out == ""
     assert "Traceback" not in caplog.text
     assert len(caplog.records) < 100
-
-
-def test_a_stop_that_locks_locks(air: Air, tmp_path: Path) -> None:
-    flight = Flight(air.uris, scene(1), tmp_path, stop="lock")
-    flight.order(Order.TAKEOFF, 0.3)
-    assert flight.until(flying)
-    flight.order(Order.STOP)
-    assert flight.until(lambda now: now.state[0] & int(Supervisor.LOCKED))
-    flight.radio.close()
 
 
 def test_the_watchdog_of_a_client_that_hangs_locks(air: Air, tmp_path: Path) -> None:

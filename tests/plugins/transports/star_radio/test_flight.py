@@ -13,40 +13,24 @@ from hypothesis import strategies as st
 
 from star_core import (
     Array,
-    Command,
     ContractError,
     Corrections,
     Order,
     PluginError,
     Setpoint,
     Supervisor,
-    Trajectory,
 )
+from star_core.toolkit import Refusal
 from star_radio import orders
 from star_radio.transport import Radio
-from tests.plugins.transports.star_radio.conftest import Open, Peers
+from tests.plugins.transports.star_radio.conftest import TICK, UNSERVED, Open, Peers, command, ticks
 
-UNSERVED = "udp://127.0.0.1:9"
-
-
-def ticks(radio: Radio, n: int, first: int = 0) -> float:
-    """Let ticks of 50 ms pass; return the mission time."""
-    now = 0.0
-    for i in range(first, first + n):
-        now = radio.wait(i * 0.05)
-    return now
+PLACE = (1.0, 2.0, 0.8)  # m
 
 
-@pytest.fixture
-def soon(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Have questions asked again at every tick."""
-    monkeypatch.setattr("star_radio.connection.questions.Answers.timeout", 0.02)
-
-
-def told(order: Order, n: int = 1, *, z: float = 0.8, yaw: float = 0.5) -> Command:
-    return Command(
-        order, np.arange(n), np.tile([1.0, 2.0, z], (n, 1)), np.full(n, yaw), np.full(n, 2.0)
-    )
+def refusals(radio: Radio, n: int) -> list[Refusal]:
+    """Let ticks pass; return what was refused."""
+    return [refusal for telemetry in ticks(radio, n) for refusal in telemetry.refusals]
 
 
 def flown(velocity: Array, yaw: float = 0.0) -> Setpoint:
@@ -81,8 +65,7 @@ def test_telemetry_is_in_si_and_right_handed(peers: Peers, connect: Open) -> Non
     nose = np.array([1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w)])
     up = math.sin(math.radians(5.0))  # the firmware's pitch is nose up positive
     assert np.allclose(nose, [0, math.cos(math.radians(5.0)), up], atol=1e-3)
-    ticks(radio, 3)
-    odometry = radio.receive().odometry
+    odometry = ticks(radio, 3)[-1].odometry
     assert len(odometry.agent) >= 2
     assert np.allclose(odometry.velocity, [0.2, -0.1, -0.05])  # it looks along y
     assert np.allclose(odometry.yaw_rate, 0.25)
@@ -96,9 +79,7 @@ def test_firmware_without_the_compressed_state_reports_the_same(
 ) -> None:
     [drone] = peers(lacks=tuple(f"stateEstimateZ.{name}" for name in ("x", "vy", "rateYaw")))
     drone.values |= {"stateEstimate.x": 1.5, "stateEstimate.vy": 0.25, "gyro.z": 90.0}
-    radio = connect([drone])
-    ticks(radio, 3)
-    telemetry = radio.receive()
+    telemetry = ticks(connect([drone]), 3)[-1]
     assert telemetry.position[0, 0] == 1.5
     assert telemetry.velocity[0, 1] == 0.25
     assert np.allclose(telemetry.odometry.yaw_rate, math.pi / 2)
@@ -116,8 +97,7 @@ def test_samples_have_the_mission_time_they_were_taken_at(peers: Peers, connect:
     drones[1].boot = 1000.0
     radio = connect(drones)
     ticks(radio, 1)
-    radio.receive()
-    now = ticks(radio, 8, first=1)
+    now = radio.wait(8 * TICK)
     telemetry = radio.receive()
     for row in range(2):
         mine = telemetry.odometry.time[telemetry.odometry.agent == row]
@@ -159,8 +139,7 @@ def test_a_drone_that_falls_silent_ages(peers: Peers, connect: Open) -> None:
     radio = connect(drones)
     ticks(radio, 2)
     drones[0].mute.set()
-    ticks(radio, 11, first=2)
-    age = radio.receive().age
+    age = ticks(radio, 12)[-1].age
     assert age[0] > 0.4
     assert age[1] < 0.3
 
@@ -170,12 +149,11 @@ def test_a_drone_that_is_gone_stops_no_other(peers: Peers, connect: Open) -> Non
     radio = connect([gone, other])
     ticks(radio, 1)
     gone.mute.set()
-    for i in range(1, 8):
-        radio.wait(i * 0.05)
-        radio.receive()
+    for _ in range(7):
+        ticks(radio, 2)
         radio.send(flown(np.zeros((2, 3))))
-    radio.command(told(Order.LAND, 2))
-    ticks(radio, 6, first=8)
+    radio.command(command(Order.LAND, [0, 1]))
+    ticks(radio, 6)
     assert other.until(lambda: len(other.sent_to(7, 0)) == 7 and bool(other.ordered))
     assert radio.receive().age[1] < 0.3
 
@@ -214,7 +192,7 @@ def test_an_absent_agent_is_sent_nothing(peers: Peers, make: Open) -> None:
     radio = make([UNSERVED, drone.uri], absent="fly-without")
     radio.connect()
     assert radio.send(flown(np.zeros((2, 3)))).active.tolist() == [False, True]
-    radio.command(told(Order.TAKEOFF, 2))
+    radio.command(command(Order.TAKEOFF, [0, 1]))
     ticks(radio, 6)
     assert drone.until(lambda: bool(drone.ordered))
 
@@ -225,7 +203,7 @@ def test_orders_follow_the_last_setpoint_and_end_setpoints(peers: Peers, connect
     radio.receive()
     before = len(drone.got)
     radio.send(flown(np.zeros((1, 3))))
-    radio.command(told(Order.LAND, z=0.0))
+    radio.command(command(Order.LAND))
     assert drone.until(lambda: bool(drone.sent_to(7, 0)))
     assert drone.ordered == []  # a setpoint that is late would cancel it
     ticks(radio, 6)
@@ -240,7 +218,7 @@ def test_setpoints_are_not_ended_while_an_order_is_not_answered(
     radio = connect([drone])
     drone.lose[b"\x80\x08"] = 2
     before = len(drone.got)
-    radio.command(told(Order.LAND, z=0.0))
+    radio.command(command(Order.LAND))
     ticks(radio, 12)
     assert [packet[0] for packet in drone.got[before : before + 4]] == [0x80, 0x80, 0x80, 0x71]
 
@@ -251,7 +229,7 @@ def test_a_stop_waits_for_nothing(peers: Peers, connect: Open) -> None:
     drone.lose[b"\x80\x03"] = 100
     before = len(drone.got)
     radio.send(flown(np.zeros((1, 3))))
-    radio.command(told(Order.STOP))
+    radio.command(command(Order.STOP))
     assert drone.until(lambda: len(drone.got) >= before + 3)
     assert [packet[0] for packet in drone.got[before : before + 3]] == [0x70, 0x80, 0x71]
 
@@ -260,9 +238,9 @@ def test_a_drone_is_armed_before_it_takes_off(peers: Peers, connect: Open) -> No
     [drone] = peers()
     radio = connect([drone])
     before = len(drone.got)
-    radio.command(told(Order.TAKEOFF))
+    radio.command(command(Order.TAKEOFF, position=PLACE))
     assert drone.until(lambda: len(drone.got) >= before + 3)
-    takeoff = orders.only_for(orders.MISSION, orders.takeoff(0.8, 2.0))
+    takeoff = orders.only_for(orders.MISSION, orders.takeoff(PLACE[2], 1.0))
     assert drone.got[before : before + 3] == [
         b"\x91\1\1", b"\x80" + takeoff[1:], b"\x71" + bytes(5)
     ]  # fmt: skip
@@ -271,38 +249,24 @@ def test_a_drone_is_armed_before_it_takes_off(peers: Peers, connect: Open) -> No
 @pytest.mark.parametrize(
     ("order", "packet"),
     [
-        (Order.GOTO, orders.go_to((1.0, 2.0, 0.8), 0.5, 2.0, 12)),
-        (Order.LAND, orders.land(0.8, 2.0)),
+        (Order.GOTO, orders.only_for(orders.MISSION, orders.go_to(PLACE, 0.5, 2.0, 12))),
+        (Order.LAND, orders.only_for(orders.MISSION, orders.land(PLACE[2], 2.0))),
+        (Order.STOP, orders.stop()),
     ],
 )
 def test_orders_are_addressed_to_the_group_of_the_drone(
     peers: Peers, connect: Open, order: Order, packet: bytes
 ) -> None:
     [drone] = peers()
-    connect([drone]).command(told(order))
+    connect([drone]).command(command(order, position=PLACE, yaw=0.5, duration=2.0))
     assert drone.sent_to(8, 0)[0] == orders.set_groups(orders.MISSION)[1:]
-    assert drone.until(lambda: drone.ordered == [orders.only_for(orders.MISSION, packet)[1:]])
-
-
-def test_a_stop_is_for_whatever_group(peers: Peers, connect: Open) -> None:
-    [drone] = peers()
-    connect([drone]).command(told(Order.STOP))
-    assert drone.until(lambda: drone.ordered == [orders.stop()[1:]])
+    assert drone.until(lambda: drone.ordered == [packet[1:]])
 
 
 def test_arming_is_an_order_of_its_own(peers: Peers, connect: Open) -> None:
     [drone] = peers()
-    connect([drone]).command(told(Order.ARM))
+    connect([drone]).command(command(Order.ARM))
     assert drone.until(lambda: drone.sent_to(9, 1) == [b"\1\1"])
-
-
-def test_an_order_that_got_lost_is_given_again(peers: Peers, connect: Open) -> None:
-    [drone] = peers()
-    radio = connect([drone])
-    drone.lose[b"\x80\x08"] = 2
-    radio.command(told(Order.LAND))
-    ticks(radio, 16)
-    assert len(drone.ordered) == 3
 
 
 def test_an_order_is_given_again_while_the_supervisor_blocks_it(
@@ -311,7 +275,7 @@ def test_an_order_is_given_again_while_the_supervisor_blocks_it(
     [drone] = peers()
     drone.errors[7] = [16, 16]
     radio = connect([drone])
-    radio.command(told(Order.TAKEOFF))
+    radio.command(command(Order.TAKEOFF))
     ticks(radio, 16)
     assert len(drone.ordered) == 3
     assert caplog.text == ""
@@ -321,8 +285,8 @@ def test_a_newer_order_replaces_one_that_is_not_confirmed(peers: Peers, connect:
     [drone] = peers()
     radio = connect([drone])
     drone.lose[b"\x80\7"] = 100
-    radio.command(told(Order.TAKEOFF))
-    radio.command(told(Order.LAND))
+    radio.command(command(Order.TAKEOFF))
+    radio.command(command(Order.LAND))
     ticks(radio, 12)
     assert [payload[0] for payload in drone.ordered] == [7, 8]
 
@@ -338,11 +302,9 @@ def test_an_order_that_is_refused_is_reported(
     [drone] = peers()
     drone.errors[8] = [error] * 100
     radio = connect([drone])
-    radio.command(told(Order.LAND))
-    ticks(radio, 14)
+    radio.command(command(Order.LAND))
+    assert refusals(radio, 14) == [(0, f"refuses the order to land: {words}")]
     assert f"radio: cf1 refuses the order to land: {words}" in caplog.text
-    assert radio.receive().refusals == ((0, f"refuses the order to land: {words}"),)
-    assert radio.receive().refusals == ()
 
 
 def test_a_take_off_whose_answer_got_lost_is_not_refused(
@@ -352,11 +314,10 @@ def test_a_take_off_whose_answer_got_lost_is_not_refused(
     drone.lose[b"\x80\7"] = 1
     drone.errors[7] = [0, 1]  # told again, it says that a plan is in the way
     radio = connect([drone])
-    radio.command(told(Order.TAKEOFF))
-    ticks(radio, 12)
+    radio.command(command(Order.TAKEOFF))
+    assert refusals(radio, 12) == []
     assert len(drone.ordered) == 2
     assert caplog.text == ""
-    assert radio.receive().refusals == ()
 
 
 @pytest.mark.parametrize("errors", [[1], [16, 1]])
@@ -366,9 +327,8 @@ def test_a_take_off_that_a_plan_is_in_the_way_of_is_refused(
     [drone] = peers()
     drone.errors[7] = [*errors]
     radio = connect([drone])
-    radio.command(told(Order.TAKEOFF))
-    ticks(radio, 12)
-    assert radio.receive().refusals == ((0, "refuses the order to take off: error 1"),)
+    radio.command(command(Order.TAKEOFF))
+    assert refusals(radio, 12) == [(0, "refuses the order to take off: error 1")]
 
 
 @pytest.mark.usefixtures("soon")
@@ -378,23 +338,17 @@ def test_an_order_that_is_never_confirmed_is_reported(
     [drone] = peers()
     radio = connect([drone])
     drone.mute.set()
-    radio.command(told(Order.GOTO))
-    ticks(radio, 14)
+    radio.command(command(Order.GOTO))
+    assert refusals(radio, 14) == []
     assert "radio: cf1 does not confirm the order to go to a position" in caplog.text
-    assert radio.receive().refusals == ()
 
 
-def test_a_stop_can_lock(peers: Peers, connect: Open) -> None:
+@pytest.mark.parametrize(("stop", "locks"), [("lock", [b"\3"] * 3), ("motors", [])])
+def test_a_stop_can_lock(peers: Peers, connect: Open, stop: str, locks: list[bytes]) -> None:
     [drone] = peers()
-    connect([drone], stop="lock").command(told(Order.STOP))
-    assert drone.until(lambda: drone.sent_to(9, 1) == [b"\3"] * 3)
-
-
-def test_a_stop_does_not_lock_otherwise(peers: Peers, connect: Open) -> None:
-    [drone] = peers()
-    connect([drone]).command(told(Order.STOP))
+    connect([drone], stop=stop).command(command(Order.STOP))
     assert drone.until(lambda: bool(drone.ordered))
-    assert drone.sent_to(9, 1) == []
+    assert drone.sent_to(9, 1) == locks
 
 
 def test_the_watchdog_is_fed(peers: Peers, connect: Open) -> None:
@@ -458,9 +412,9 @@ def test_a_deviation_that_was_given_up_is_reported_anew(peers: Peers, connect: O
     assert len(drone.sent_to(2, 2)) - before == 11
     radio.correct(seen(0.05, 0.1))
     assert drone.until(lambda: len(drone.sent_to(2, 2)) - before == 12)
-    ticks(radio, 2, first=14)
+    ticks(radio, 2)
     radio.correct(seen(0.05, 0.1))
-    ticks(radio, 2, first=16)
+    ticks(radio, 2)
     assert len(drone.sent_to(2, 2)) - before == 12
 
 
@@ -471,9 +425,9 @@ def test_deviations_given_up_repeatedly_are_reported_once(
     [drone] = peers()
     radio = connect([drone])
     drone.lose[b"\x22\1\0"] = 21
-    for tick in range(0, 39, 13):
+    for _ in range(3):
         radio.correct(seen(0.05, 0.1))
-        ticks(radio, 13, first=tick)
+        ticks(radio, 13)
     said = "radio: cf1 does not confirm parameter 'locSrv.extPosStdDev'"
     assert caplog.messages == [said]
     assert drone.stored["locSrv.extPosStdDev"] == struct.pack("<f", 0.05)
@@ -485,46 +439,12 @@ def test_firmware_that_cannot_receive_deviations_is_named(peers: Peers, connect:
         radio.correct(seen(0.1, 0.1))
 
 
-def trajectory(n: int) -> Trajectory:
-    pieces = np.arange(n, dtype=np.float64)
-    return Trajectory(1.0 + pieces, np.full((n, 4, 8), pieces[:, None, None] / 10))
-
-
-def test_a_trajectory_is_uploaded_and_flown(peers: Peers, connect: Open) -> None:
-    [drone] = peers()
-    radio = connect([drone])
-    vehicle = radio.vehicles[0]
-    vehicle.upload(1, trajectory(3))
-    numbers = np.frombuffer(drone.memory[: 3 * 132], "<f4").reshape(3, 33)
-    assert np.allclose(numbers[:, 0], [0, 0.1, 0.2])
-    assert np.allclose(numbers[:, 32], [1, 2, 3])
-    vehicle.steer(orders.velocity((0, 0, 0), 0.0, 12))
-    order = orders.start_trajectory(1, 12, stretch=2.0, relative=True)
-    vehicle.order(order, "follow a trajectory")
-    define, start = (orders.define_trajectory(1, 3), orders.only_for(orders.MISSION, order))
-    ticks(radio, 6)
-    assert drone.until(lambda: drone.ordered == [define[1:], start[1:]])
-
-
-def test_a_trajectory_that_is_refused_is_reported(peers: Peers, connect: Open) -> None:
-    [drone] = peers()
-    drone.errors[6] = [12]
-    with pytest.raises(PluginError, match="trajectory 1 is refused: error '0c'"):
-        connect([drone]).vehicles[0].upload(1, trajectory(1))
-
-
-def test_a_trajectory_has_as_many_pieces_as_fit(peers: Peers, connect: Open) -> None:
-    with pytest.raises(ContractError, match="a trajectory has 1 to 31 pieces, got 32"):
-        connect(peers()).vehicles[0].upload(1, trajectory(32))
-
-
 def test_reports_that_are_none_are_passed_over(peers: Peers, connect: Open) -> None:
     [drone] = peers()
     radio = connect([drone])
     for junk in (b"\x52", b"\x52\1\2", b"\x52\2" + bytes(28), b"\x00hello", b"\xff", b"\x81"):
         drone.say(junk)
-    ticks(radio, 3)
-    assert len(radio.receive().odometry.agent) > 0
+    assert any(len(telemetry.odometry.agent) for telemetry in ticks(radio, 3))
 
 
 @settings(max_examples=15, suppress_health_check=[HealthCheck.function_scoped_fixture])

@@ -14,7 +14,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from star_core import Command, Order, PluginError, Scene, Setpoint, Supervisor, Telemetry
+from star_core import Order, PluginError, Scene, Setpoint, Supervisor
 from star_core.testing import scene
 from star_radio import orders
 from star_radio.broadcast import BroadcastCommands
@@ -22,7 +22,14 @@ from star_radio.connection import udp_links
 from star_radio.options import RadioOptions
 from star_radio.transport import Radio
 from tests.end_to_end.virtual_air import Air as FleetAir
-from tests.plugins.transports.star_radio.conftest import Peers, options, reached
+from tests.plugins.transports.star_radio.conftest import (
+    Open,
+    Peers,
+    command,
+    options,
+    reached,
+    ticks,
+)
 from tests.plugins.transports.star_radio.peer import Peer
 from tests.plugins.transports.star_radio.virtual import VirtualTime, virtual
 
@@ -166,11 +173,8 @@ def test_all_agents_are_taken_out_of_groups() -> None:
     assert [packet.hex() for packet, _rows in air.said] == ["8c0000"]
 
 
-Aloud: TypeAlias = Callable[..., Radio]
-
-
 @pytest.fixture
-def aloud(tmp_path: Path, stack: ExitStack) -> Aloud:
+def aloud(tmp_path: Path, stack: ExitStack) -> Open:
     """Make a radio over UDP that broadcasts too: all drones with a link receive it."""
 
     def make(uris: list[str], groups: Groups, air: Air, **how: str) -> Radio:
@@ -194,40 +198,32 @@ def uris(drones: list[Peer]) -> list[str]:
     return [drone.uri for drone in drones]
 
 
-def commanded(order: Order, rows: Sequence[int], height: float = 0.0) -> Command:
-    n = len(rows)
-    place = np.tile([0.0, 0.0, height], (n, 1))
-    return Command(order, np.array(rows), place, np.zeros(n), np.ones(n))
-
-
-def test_every_drone_is_put_into_its_groups_at_last(peers: Peers, aloud: Aloud) -> None:
+def test_every_drone_is_put_into_its_groups_at_last(peers: Peers, aloud: Open) -> None:
     drones = peers(3)
     aloud(uris(drones), {"left": (0, 1), "right": (1, 2)}, Air()).connect()
     assert [drone.sent_to(8, 0) for drone in drones] == [[b"\0\3"], [b"\0\7"], [b"\0\5"]]
 
 
-def test_an_agent_that_is_in_no_group_is_in_that_of_all(peers: Peers, aloud: Aloud) -> None:
+def test_an_agent_that_is_in_no_group_is_in_that_of_all(peers: Peers, aloud: Open) -> None:
     drones = peers(1)
     aloud(uris(drones), {}, Air()).connect()
     assert drones[0].sent_to(8, 0) == [b"\0\1"]
 
 
-def test_without_a_broadcast_all_drones_are_put_into_one_group(
-    peers: Peers, connect: Aloud
-) -> None:
+def test_without_a_broadcast_all_drones_are_put_into_one_group(peers: Peers, connect: Open) -> None:
     drones = peers(2)
     connect(drones)
     assert [drone.sent_to(8, 0) for drone in drones] == [[b"\0\1"]] * 2
 
 
-def test_groups_are_sent_again_if_that_is_lost(peers: Peers, aloud: Aloud) -> None:
+def test_groups_are_sent_again_if_that_is_lost(peers: Peers, aloud: Open) -> None:
     drones = peers(2)
     drones[0].lose[b"\x80\0"] = 1
     aloud(uris(drones), {}, Air()).connect()
     assert drones[0].sent_to(8, 0) == [b"\0\1"] * 2
 
 
-def test_an_agent_that_refuses_its_groups_is_absent(peers: Peers, aloud: Aloud) -> None:
+def test_an_agent_that_refuses_its_groups_is_absent(peers: Peers, aloud: Open) -> None:
     drones = peers(1)
     drones[0].errors[0] = [8]
     with pytest.raises(PluginError, match="refuses to be put into groups: it does not know it"):
@@ -242,34 +238,32 @@ def told(drone: Peer) -> list[bytes]:
     return [payload for payload in drone.sent_to(8, 0) if payload[0] == STOP[1]]
 
 
-def test_a_broadcast_that_is_heard_is_confirmed(peers: Peers, aloud: Aloud) -> None:
+def test_a_broadcast_that_is_heard_is_confirmed(peers: Peers, aloud: Open) -> None:
     drones = peers(3)
     radio = aloud(uris(drones), TRIO, Air())
     radio.connect()
-    radio.command(commanded(Order.STOP, [0, 1]))
-    for tick in range(12):
-        radio.wait(tick * 0.05)
+    radio.command(command(Order.STOP, [0, 1]))
+    ticks(radio, 12)
     assert [set(told(drone)) for drone in drones] == [{b"\3\2"}] * 3
     assert len(told(drones[2])) == 1  # the links repeat it to those that it is for
 
 
-def test_a_broadcast_that_is_lost_is_given_again_by_link(peers: Peers, aloud: Aloud) -> None:
+def test_a_broadcast_that_is_lost_is_given_again_by_link(peers: Peers, aloud: Open) -> None:
     drones = peers(3)
     air = Air()
     radio = aloud(uris(drones), TRIO, air)
     radio.connect()
     air.hearers = []
-    radio.command(commanded(Order.STOP, [0, 1]))
-    for tick in range(12):
-        radio.wait(tick * 0.05)
+    radio.command(command(Order.STOP, [0, 1]))
+    ticks(radio, 12)
     assert [set(told(drone)) for drone in drones] == [{b"\3\2"}, {b"\3\2"}, set()]
 
 
-def test_what_is_newer_voids_what_is_still_broadcast(peers: Peers, aloud: Aloud) -> None:
+def test_what_is_newer_voids_what_is_still_broadcast(peers: Peers, aloud: Open) -> None:
     air = Air()
     radio = aloud(uris(peers(3)), TRIO, air)
     radio.connect()
-    radio.command(commanded(Order.STOP, [0, 1]))
+    radio.command(command(Order.STOP, [0, 1]))
     for _tick in range(2):
         radio.send(Setpoint(np.zeros((3, 3)), np.zeros(3), np.array([False, True, False])))
     assert air.voided == [{0, 1}, {1}, set()]
@@ -277,7 +271,7 @@ def test_what_is_newer_voids_what_is_still_broadcast(peers: Peers, aloud: Aloud)
 
 @pytest.mark.parametrize(("absent", "said"), [(2, ["8c0302"]), (1, [])])
 def test_absent_drones_prevent_broadcasts_addressed_to_them(
-    absent: int, said: list[str], peers: Peers, aloud: Aloud
+    absent: int, said: list[str], peers: Peers, aloud: Open
 ) -> None:
     drones = peers(3)
     drones[absent].mute.set()
@@ -285,29 +279,21 @@ def test_absent_drones_prevent_broadcasts_addressed_to_them(
     radio = aloud(uris(drones), TRIO, air, absent="fly-without")
     radio.connect()
     air.said.clear()
-    radio.command(commanded(Order.STOP, [0, 1, 2]))
+    radio.command(command(Order.STOP, [0, 1, 2]))
     assert [packet.hex() for packet, _rows in air.said] == said
 
 
-def test_only_the_group_takes_off_though_all_hear_it(aloud: Aloud) -> None:
+def test_only_the_group_takes_off_though_all_hear_it(aloud: Open) -> None:
     fleet, air = FleetAir(scene(3), noise=False), Air()
     with virtual(fleet), closing(fleet.fleet):
         radio = aloud(fleet.uris, TRIO, air)
         radio.connect()
         air.said.clear()
-        radio.command(commanded(Order.TAKEOFF, [0, 1], height=0.4))
-        now = later(radio, 1.6)
+        radio.command(command(Order.TAKEOFF, [0, 1], (0.0, 0.0, 0.4)))
+        now = ticks(radio, 32)[-1]
         radio.close()
     assert [packet[:3].hex() for packet, _rows in air.said] == ["8c0702"]
     assert (now.state & int(Supervisor.FLYING) > 0).tolist() == [True, True, False]
     assert now.position[:2, 2] == pytest.approx(0.4, abs=0.1)
     assert now.position[2, 2] == pytest.approx(0.0, abs=0.05)
     assert now.refusals == ()
-
-
-def later(radio: Radio, seconds: float) -> Telemetry:
-    """What is reported after some time."""
-    for tick in range(round(seconds / 0.05)):
-        radio.wait(tick * 0.05)
-        now = radio.receive()
-    return now

@@ -13,13 +13,13 @@ import numpy as np
 import pytest
 
 import star_radio
-from star_core import Command, Order, PluginError, Setpoint
+from star_core import Order, PluginError, Setpoint
 from star_core.testing import scene
 from star_fleet.link_faults import LinkFaults
 from star_fleet.server import Fleet
 from star_radio.guarded import GuardedRadio
 from tests.end_to_end.virtual_air import ON_FLOOR
-from tests.plugins.transports.star_radio.conftest import options, reached
+from tests.plugins.transports.star_radio.conftest import UNSERVED, command, options, reached
 from tests.simulators import ideal_fleet
 
 PATIENCE = 60.0  # s, on a busy machine
@@ -43,15 +43,18 @@ class Flight:
         self.radio.receive()
         self.radio.send(still)
 
-    def take_off(self) -> None:
-        """Fly, by setpoints in the end."""
-        position, zero = np.tile([0.0, 0.0, 0.4], (2, 1)), np.zeros(2)
+    def climb(self, height: float) -> None:
+        """Connect, and take off until the drones are at a height, m."""
         self.radio.connect()
         self.radio.wait(0.0)
-        self.radio.command(Command(Order.TAKEOFF, np.arange(2), position, zero, zero + 1))
+        self.radio.command(command(Order.TAKEOFF, [0, 1], (0.0, 0.0, 0.4)))
         end = time.monotonic() + PATIENCE
-        while (self.height < 0.3).any() and time.monotonic() < end:
+        while (self.height < height).any() and time.monotonic() < end:
             self.now = self.radio.wait(self.now + PERIOD)
+
+    def take_off(self) -> None:
+        """Fly, by setpoints in the end."""
+        self.climb(0.3)
         for _ in range(5):
             self.tick()
 
@@ -103,13 +106,7 @@ def test_the_flight_lands_its_agents_if_the_guardian_is_killed(flight: Flight) -
 
 def lose_in_take_off(flight: Flight, *rows: int) -> None:
     """Cut the links of some drones while both climb, and close."""
-    position, zero = np.tile([0.0, 0.0, 0.4], (2, 1)), np.zeros(2)
-    flight.radio.connect()
-    flight.radio.wait(0.0)
-    flight.radio.command(Command(Order.TAKEOFF, np.arange(2), position, zero, zero + 1))
-    end = time.monotonic() + PATIENCE
-    while (flight.height < 0.1).any() and time.monotonic() < end:
-        flight.now = flight.radio.wait(flight.now + PERIOD)
+    flight.climb(0.1)
     for row in rows:
         flight.fleet.links.faults[row] = LinkFaults(loss=1.0)
     while flight.radio.receive().age[rows[0]] < 0.6:
@@ -166,10 +163,8 @@ class Interrupted:
 
 
 def test_what_keeps_the_links_from_opening_is_reported(tmp_path: Path) -> None:
-    uris = ["udp://127.0.0.1:9"]
-    radio = star_radio.make(
-        reached(uris), **options(cache=str(tmp_path), guardian=True, response_timeout=0.2)
-    )
+    how = options(cache=str(tmp_path), guardian=True, response_timeout=0.2)
+    radio = star_radio.make(reached([UNSERVED]), **how)
     with closing(radio), pytest.raises(PluginError, match="cannot reach 1 of 1 agents") as raised:
         radio.connect()
     assert raised.value.code == "agents-unreachable"

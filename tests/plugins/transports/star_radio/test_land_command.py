@@ -6,23 +6,22 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 import star_radio
-from star_core import Command, InputError, Order
+from star_core import InputError, Order
 from star_core.testing import scene
 from star_fleet.server import Fleet
 from star_radio.transport import Radio
 from tests.commands import command
 from tests.end_to_end.virtual_air import ON_FLOOR
-from tests.plugins.transports.star_radio.conftest import options, reached
+from tests.plugins.transports.star_radio.conftest import UNSERVED, options, reached, received
+from tests.plugins.transports.star_radio.conftest import command as order
 from tests.simulators import ideal_fleet
 
 run = command("land")
 
 PATIENCE = 60.0  # s, on a busy machine
-UNREACHABLE = "udp://127.0.0.1:9"
 HIGH_LEVEL, SET_GROUPS, LAND = 8, 0, 8
 PARAMETER, PLATFORM, SUPERVISOR, SETPOINT = 2, 13, 9, 7
 WRITE = 2  # channel of the port PARAMETER
@@ -41,9 +40,7 @@ def abandon(fleet: Fleet, folder: Path, rows: list[int]) -> None:
     assert isinstance(radio, Radio)
     radio.connect()
     radio.wait(0.0)
-    zero = np.zeros(len(rows))
-    goal = np.tile([0.0, 0.0, 0.4], (len(rows), 1))
-    radio.command(Command(Order.TAKEOFF, np.array(rows), goal, zero, zero + 1))
+    radio.command(order(Order.TAKEOFF, rows, (0.0, 0.0, 0.4)))
     end = time.monotonic() + PATIENCE
     while (fleet.simulator.drones["position"][rows, 2] < 0.1).any() and time.monotonic() < end:
         radio.wait(0.0)
@@ -52,19 +49,15 @@ def abandon(fleet: Fleet, folder: Path, rows: list[int]) -> None:
 
 
 def test_drones_that_were_abandoned_in_their_take_off_are_landed(
-    fleet: Fleet, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    fleet: Fleet,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     abandon(fleet, tmp_path, [0])
     time.sleep(1.2)  # it hovers, and its firmware has deleted the reports
     assert fleet.simulator.drones["position"][0, 2] > 0.3
-    packets: list[tuple[int, int, bytes]] = []
-    handle = fleet.handle
-
-    def handled(row: int, packet: bytes, *, tcp: bool = False) -> list[bytes]:
-        packets.append((packet[0] >> 4, packet[0] & 3, packet[1:]))
-        return handle(row, packet, tcp=tcp)
-
-    fleet.handle = handled  # type: ignore[method-assign]
+    packets = received(fleet, monkeypatch)
     assert run(fleet.addresses) == 0
     assert (fleet.simulator.drones["position"][:, 2] < ON_FLOOR).all()
     assert not fleet.simulator.drones["locked"].any()
@@ -81,10 +74,10 @@ def test_drones_that_were_abandoned_in_their_take_off_are_landed(
 def test_a_drone_that_is_not_reached_is_named(
     fleet: Fleet, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert run([fleet.addresses[0], UNREACHABLE, "--timeout", "4"]) == 1
+    assert run([fleet.addresses[0], UNSERVED, "--timeout", "4"]) == 1
     first, second = capsys.readouterr().out.splitlines()
     assert first == f"{fleet.addresses[0]}  on the floor"
-    assert second.startswith(f"{UNREACHABLE}  not reached: no answer about ")
+    assert second.startswith(f"{UNSERVED}  not reached: no answer about ")
 
 
 def test_the_links_of_a_mission_are_those_of_its_agents(

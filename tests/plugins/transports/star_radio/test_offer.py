@@ -11,7 +11,7 @@ import pytest
 import star_radio
 from star_core import Camera, Registry, Scene
 from star_core.testing import scene
-from star_radio.address import RadioAddress, fault
+from star_radio.address import fault
 from tests.plugins.transports.star_radio.conftest import options as defaults
 from tests.plugins.transports.star_radio.conftest import reached
 
@@ -55,22 +55,6 @@ def test_addresses_of_no_link_are_refused(uri: str) -> None:
     assert f"{uri!r} is not a link address; expected radio://" in (fault(uri) or "")
 
 
-def test_a_short_address_is_filled_up() -> None:
-    found = RadioAddress.of("radio://0/80/2M/e701")
-    assert found is not None
-    assert found.address == "000000E701"
-
-
-def test_agents_without_addresses_are_named() -> None:
-    assert found(["udp://127.0.0.1:1", None]) == [
-        "agent 'cf2' has no 'uri': the address of its link"
-    ]
-
-
-def test_agents_that_share_an_address_are_named() -> None:
-    assert found(["usb://0", "usb://0"]) == ["agents 'cf1' and 'cf2' have the same uri 'usb://0'"]
-
-
 @pytest.mark.parametrize(
     ("one", "other"),
     [
@@ -90,19 +74,26 @@ def test_agents_that_are_one_drone_are_named(one: str, other: str) -> None:
     ]
 
 
+@pytest.mark.parametrize(
+    ("uris", "told"),
+    [
+        (["udp://127.0.0.1:1", None], "agent 'cf2' has no 'uri': the address of its link"),
+        (["usb://0", "usb://0"], "agents 'cf1' and 'cf2' have the same uri 'usb://0'"),
+        (["udp://127.0.0.1"], "agent 'cf1': 'udp://127.0.0.1' has no port"),
+        (
+            [f"radio://0/80/2M/{i:02X}" for i in range(9)],
+            "dongle '0' is to serve 9 agents with 20 exchanges/s each",
+        ),
+    ],
+)
+def test_agents_that_cannot_be_reached_are_named(uris: list[str | None], told: str) -> None:
+    [problem] = found(uris)
+    assert problem.startswith(told)
+
+
 @pytest.mark.parametrize("other", ["81/2M/E7E7E7E701", "80/1M/E7E7E7E701", "80/2M/E7E7E7E702"])
 def test_agents_that_differ_in_channel_rate_or_address_are_two(other: str) -> None:
     assert found(["radio://0/80/2M/E7E7E7E701", f"radio://0/{other}"]) == []
-
-
-def test_a_wrong_address_is_named() -> None:
-    [told] = found(["udp://127.0.0.1"])
-    assert told == "agent 'cf1': 'udp://127.0.0.1' has no port"
-
-
-def test_an_overload_is_reported() -> None:
-    [told] = found([f"radio://0/80/2M/{i:02X}" for i in range(9)])
-    assert told.startswith("dongle '0' is to serve 9 agents")
 
 
 @pytest.mark.parametrize(
@@ -127,7 +118,7 @@ def test_a_mode_that_cflib_does_not_have_is_refused(
     assert [(p.path, p.message) for p in problems] == [(("mode",), one) for one in told]
 
 
-CAMERAS = {
+CAMERAS = {  # by agent: address, and what is wrong
     "cf9": ("host", "no agent is named 'cf9'"),
     "cf2": ("host", "agent 'cf2' carries no camera: set its 'camera'"),
     "cf1": ("1.2.3.4:99999", "'1.2.3.4:99999' has no port from 1 to 65535"),
@@ -164,19 +155,6 @@ def test_a_deck_serves_a_link_or_a_camera(address: str) -> None:
         (
             ("cameras", "cf1"),
             "'deck:5000' is the link of agent 'cf1' already, and a deck serves one client",
-        )
-    ]
-
-
-def test_a_deck_serves_one_camera() -> None:
-    room = seeing("usb://0", "usb://1")
-    assert [
-        one[:2]
-        for one in star_radio.check(room, **defaults(cameras={"cf1": "deck", "cf2": "deck:5000"}))
-    ] == [
-        (
-            ("cameras", "cf2"),
-            "'deck:5000' is the camera of agent 'cf1' already, and a deck serves one client",
         )
     ]
 

@@ -32,7 +32,7 @@ from star_fleet.link_faults import LinkFaults
 from star_radio import orders
 from star_radio.transport import Radio
 from tests.end_to_end.virtual_air import Air
-from tests.plugins.transports.star_radio.conftest import Open, Peers
+from tests.plugins.transports.star_radio.conftest import UNSERVED, Open, Peers, command, ticks
 from tests.plugins.transports.star_radio.virtual import virtual
 
 ACTIVE, FINISHED = 0x10F, 0x30F  # supervisor.info of one that is on the way, and of one that was
@@ -44,31 +44,14 @@ def trajectory(pieces: int = 2, seed: int = 0) -> Trajectory:
 
 
 def told(flown: Trajectory, n: int = 1, *, yaw: float = 0.0, seconds: float = 6.0) -> Command:
-    where = np.tile([1.0, 2.0, 0.8], (n, 1))
-    return Command(
-        Order.FOLLOW, np.arange(n), where, np.full(n, yaw), np.full(n, seconds), flown
-    )  # fmt: skip
-
-
-def ticks(radio: Radio, n: int) -> list[Any]:
-    """Let ticks of 50 ms pass; return everything that was refused."""
-    first = 0.0 if radio.began is None else time.monotonic() - radio.began
-    refused: list[Any] = []
-    for i in range(n):
-        radio.wait(first + i * 0.05)
-        refused += radio.receive().refusals
-    return refused
+    return command(
+        Order.FOLLOW, range(n), (1.0, 2.0, 0.8), yaw=yaw, duration=seconds, trajectory=flown
+    )
 
 
 def begins(drone: Any) -> list[bytes]:
     """What it was commanded to fly."""
     return [payload for payload in drone.sent_to(8, 0) if payload[0] == 13]
-
-
-@pytest.fixture
-def soon(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Have questions asked again at every tick."""
-    monkeypatch.setattr("star_radio.connection.questions.Answers.timeout", 0.02)
 
 
 def test_trajectories_share_the_memory_of_every_drone(peers: Peers, connect: Open) -> None:
@@ -102,13 +85,11 @@ def test_it_is_turned_into_the_odometry_frame_of_each_drone(peers: Peers, make: 
     assert yaw[1:] == pytest.approx(flown.coefficients[0, 3, 1:], abs=1e-6)
 
 
-def test_31_pieces_fit_however_they_are_shared(peers: Peers, connect: Open) -> None:
-    connect(peers()).upload((trajectory(20), trajectory(11, seed=1)))
-
-
 def test_more_are_refused_with_the_arithmetic(peers: Peers, connect: Open) -> None:
     [drone] = peers()
     radio = connect([drone])
+    radio.upload((trajectory(20), trajectory(11, seed=1)))
+    uploaded = len(drone.sent_to(4, 2))
     with pytest.raises(PluginError) as raised:
         radio.upload((trajectory(20), trajectory(12, seed=1)))
     assert str(raised.value).startswith(
@@ -117,7 +98,7 @@ def test_more_are_refused_with_the_arithmetic(peers: Peers, connect: Open) -> No
     )
     with pytest.raises(PluginError, match="a Crazyflie stores 10 trajectories at most, got 11"):
         radio.upload([trajectory(1, seed=i) for i in range(11)])
-    assert drone.sent_to(4, 2) == []
+    assert len(drone.sent_to(4, 2)) == uploaded
 
 
 def test_every_drone_that_refuses_an_upload_is_named(peers: Peers, connect: Open) -> None:
@@ -135,7 +116,7 @@ def test_every_drone_that_refuses_an_upload_is_named(peers: Peers, connect: Open
 
 def test_no_trajectory_is_uploaded_to_an_absent_agent(peers: Peers, make: Open) -> None:
     [drone] = peers()
-    radio = make(["udp://127.0.0.1:9", drone.uri], absent="fly-without")
+    radio = make([UNSERVED, drone.uri], absent="fly-without")
     radio.connect()
     radio.upload((trajectory(),))
     radio.command(told(trajectory(), 2))
@@ -150,8 +131,7 @@ def test_it_begins_where_the_drone_is_and_takes_the_given_time(peers: Peers, con
     before = len(drone.got)
     radio.send(Setpoint(np.zeros((1, 3)), np.zeros(1), np.ones(1, np.bool_)))
     radio.command(told(other, seconds=3.0 * float(other.duration.sum())))
-    for tick in range(5):
-        radio.wait(tick * 0.05)
+    ticks(radio, 5)
     assert drone.until(lambda: bool(begins(drone)))
     assert [packet[0] for packet in drone.got[before : before + 3]] == [0x70, 0x80, 0x71]
     order = orders.start_trajectory(1, 12, stretch=3.0, relative=True)
@@ -184,7 +164,7 @@ def test_one_that_is_to_lie_otherwise_is_refused(
     radio = connect([drone])
     radio.upload((trajectory(),))
     radio.command(told(trajectory(), yaw=yaw))
-    refused = ticks(radio, 2)
+    refused = [refusal for telemetry in ticks(radio, 2) for refusal in telemetry.refusals]
     assert bool(begins(drone)) is flies
     words = f"rotated by {math.degrees(yaw):.0f}°: it was uploaded without rotation"
     assert refused == ([] if flies else [(0, f"refuses to follow a trajectory {words}")])
@@ -198,9 +178,8 @@ def test_a_refusal_is_reported(peers: Peers, connect: Open) -> None:
     radio.upload((trajectory(),))
     radio.command(told(trajectory()))
     assert drone.until(lambda: bool(begins(drone)))
-    assert ticks(radio, 4) == [
-        (0, "refuses the order to follow a trajectory: it does not know it")
-    ]  # fmt: skip
+    refused = [refusal for telemetry in ticks(radio, 4) for refusal in telemetry.refusals]
+    assert refused == [(0, "refuses the order to follow a trajectory: it does not know it")]
 
 
 @pytest.mark.usefixtures("soon")

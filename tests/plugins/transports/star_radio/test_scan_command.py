@@ -15,11 +15,11 @@ from star_fleet.parameters import PARAMETERS
 from star_fleet.server import Fleet
 from star_radio import scan_command
 from tests.commands import command
+from tests.plugins.transports.star_radio.conftest import UNSERVED, received
 from tests.simulators import ideal_fleet
 
 run = command("scan")
 
-UNREACHABLE = "udp://127.0.0.1:9"
 PARAMETER, WRITE = 2, 2  # port and channel
 STEERING = {(7, 0), (8, 0), (9, 1), (13, 0)}  # setpoints, commands, arming
 
@@ -32,24 +32,11 @@ def fleet(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Fleet]:
             yield fleet
 
 
-@pytest.fixture
-def packets(fleet: Fleet, monkeypatch: pytest.MonkeyPatch) -> list[tuple[int, int, bytes]]:
-    """Port, channel and payload of every packet that drones receive."""
-    packets: list[tuple[int, int, bytes]] = []
-    handle = fleet.handle
-
-    def handled(row: int, packet: bytes, *, tcp: bool = False) -> list[bytes]:
-        packets.append((packet[0] >> 4, packet[0] & 3, packet[1:]))
-        return handle(row, packet, tcp=tcp)
-
-    monkeypatch.setattr(fleet, "handle", handled)
-    return packets
-
-
 def test_drones_that_answer_are_listed_and_left_alone(
-    fleet: Fleet, packets: list[tuple[int, int, bytes]], capsys: pytest.CaptureFixture[str]
+    fleet: Fleet, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert run([*fleet.addresses, UNREACHABLE]) == 1
+    packets = received(fleet, monkeypatch)
+    assert run([*fleet.addresses, UNSERVED]) == 1
     heading, first, second, note, absent = capsys.readouterr().out.splitlines()
     assert heading.split() == [*scan_command.COLUMNS]
     assert first.split()[0] == fleet.addresses[0]
@@ -57,7 +44,7 @@ def test_drones_that_answer_are_listed_and_left_alone(
     assert "Flow2, ZRanger2  100 %" in first
     assert second.endswith("(0.00 0.00 0.00 m, 0°)")
     assert note.startswith("(position): from where")
-    assert absent.startswith(f"{UNREACHABLE}  does not answer: no answer about")
+    assert absent.startswith(f"{UNSERVED}  does not answer: no answer about")
     used = {(port, channel) for port, channel, _payload in packets}
     assert not used & {(PARAMETER, WRITE), *STEERING}
 
@@ -84,8 +71,9 @@ def test_agents_are_written_as_a_swarm(
 
 
 def test_leds_of_a_drone_blink_and_are_released(
-    fleet: Fleet, packets: list[tuple[int, int, bytes]], monkeypatch: pytest.MonkeyPatch
+    fleet: Fleet, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    packets = received(fleet, monkeypatch)
     monkeypatch.setattr(scan_command, "BLINK_PERIOD", 0.01)
     assert run([fleet.addresses[0], "--blink", fleet.addresses[0]]) == 0
     number = [parameter.name for parameter in PARAMETERS].index("led.bitmask")
@@ -101,7 +89,7 @@ def test_leds_of_a_drone_blink_and_are_released(
     ("arguments", "code"),
     [
         (["radio://0/300/2M"], "invalid-address"),
-        ([UNREACHABLE, "--blink", "cf1"], "unknown-agent"),
+        ([UNSERVED, "--blink", "cf1"], "unknown-agent"),
         (["missions/first_flight.yaml"], "missing-option"),
     ],
 )

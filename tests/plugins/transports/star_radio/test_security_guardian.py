@@ -7,8 +7,7 @@ import pickle
 import re
 import struct
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
+from multiprocessing import Pipe
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -17,6 +16,7 @@ import pytest
 
 from star_core import Array, Command, Order, Setpoint, Transform
 from star_core.testing import scene
+from star_radio.mailbox import Mailbox
 from tests.plugins.transports.star_radio import test_guarded
 from tests.plugins.transports.star_radio.test_guardian import Flight, flight
 from tests.simulators import ideal_fleet
@@ -100,42 +100,46 @@ def test_hostile_messages_drop_no_drone(flight: Flight, caplog: pytest.LogCaptur
     assert not flight.fallen
 
 
-@contextmanager
-def flying(folder: Path) -> Iterator[test_guarded.Flight]:
-    """Fly two drones, by a guardian in a process of its own that ends by itself."""
-    with ideal_fleet(scene(2), noise=False) as fleet:
-        flown = test_guarded.Flight(folder, fleet)
-        try:
-            flown.take_off()
-            flown.radio.record_in(folder)
-            yield flown
-        finally:
-            flown.radio._connection.close()
-            flown.radio._process.wait(test_guarded.PATIENCE)
-            flown.radio.close()
-
-
 def test_unreadable_messages_drop_no_drone(tmp_path: Path) -> None:
-    with flying(tmp_path) as flown:
+    with ideal_fleet(scene(2), noise=False) as fleet:
+        flown = test_guarded.Flight(tmp_path, fleet)
+        flown.take_off()
+        flown.radio.record_in(tmp_path)
         end = flown.radio._connection.fileno()
         for data in b"", b"\xff\xfe", pickle.dumps([1])[:-1], b"cno.such.module\nx\n.":
             os.write(end, struct.pack("!i", len(data)) + data)
             flown.tick()
         os.write(end, struct.pack("!i", 1000) + b"half")  # and nothing more
         assert flown.has_landed()
+        disconnect(flown)
     text = (tmp_path / "guardian.log").read_text()
     assert re.search(r"no message of the flight for 1\.\d+ s: landing cf1, cf2", text)
 
 
-def test_an_oversized_message_drops_no_drone(tmp_path: Path) -> None:
-    with flying(tmp_path) as flown:
-        os.write(flown.radio._connection.fileno(), struct.pack("!iQ", -1, 1 << 62))
-        assert flown.has_landed()
+def disconnect(flown: test_guarded.Flight) -> None:
+    """Let the guardian end by itself."""
+    flown.radio._connection.close()
+    flown.radio._process.wait(test_guarded.PATIENCE)
+    flown.radio.close()
+
+
+def test_an_oversized_message_ends_the_connection() -> None:
+    """After which the guardian lands the drones, as after the end of a flight."""
+    flight_end, guardian_end = Pipe()
+    mailbox = Mailbox(guardian_end)
+    os.write(flight_end.fileno(), struct.pack("!iQ", -1, 1 << 62))
+    for _ in range(2):
+        with pytest.raises(OSError, match="bad message length"):
+            mailbox.recv()
+    mailbox._socket.close()
+    flight_end.close()
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
 def test_no_other_process_reaches_the_guardian(tmp_path: Path) -> None:
-    with flying(tmp_path) as flown:
+    with ideal_fleet(scene(2), noise=False) as fleet:
+        flown = test_guarded.Flight(tmp_path, fleet)
+        flown.radio.connect()
         process = Path(f"/proc/{flown.radio._process.pid}")
         inodes = {}
         for link in (process / "fd").iterdir():
@@ -153,3 +157,4 @@ def test_no_other_process_reaches_the_guardian(tmp_path: Path) -> None:
         shared = [line for line in (process / "maps").read_text().splitlines() if " rw-s " in line]
         assert shared == []
         assert not os.get_inheritable(flown.radio._connection.fileno())
+        disconnect(flown)

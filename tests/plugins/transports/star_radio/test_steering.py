@@ -28,19 +28,22 @@ TICK = 0.05  # s
 KIND, VELOCITY = 6, 8  # first bytes of such packets
 
 
-class Clock:
-    """A time that a test sets."""
+class Flown:
+    """Whole states of one drone, a tick apart."""
 
     def __init__(self) -> None:
-        self.time = 100.0
+        self.time = 100.0  # s
+        self._states = WholeStates(1, TICK, lambda: self.time)
 
-    def __call__(self) -> float:
-        return self.time
+    def tick(self, setpoint: Setpoint, reported: Array) -> dict[int, bytes]:
+        packets = self._states.packets(setpoint, reported, [12])
+        self.time += TICK
+        return packets
 
 
 @pytest.fixture
-def clock() -> Clock:
-    return Clock()
+def states() -> Flown:
+    return Flown()
 
 
 def setpoint(velocity: Sequence[float], yaw: float = 0.0, *, active: bool = True) -> Setpoint:
@@ -67,10 +70,8 @@ def told(packet: bytes) -> tuple[list[float], list[float], float, float]:
     return metres[:3], metres[3:6], 2 * math.atan2(z, w), values[12] / 1000
 
 
-def test_it_begins_where_the_drone_is_and_looks(clock: Clock) -> None:
-    packets = WholeStates(1, 0.05, clock).packets(
-        setpoint([0.3, 0, 0], 1.0), at([1, 2, 0.8], 1.0), [12]
-    )
+def test_it_begins_where_the_drone_is_and_looks(states: Flown) -> None:
+    packets = states.tick(setpoint([0.3, 0, 0], 1.0), at([1, 2, 0.8], 1.0))
     position, velocity, yaw, rate = told(packets[0])
     assert position == [1, 2, 0.8]
     assert velocity == [0.3, 0, 0]
@@ -78,90 +79,72 @@ def test_it_begins_where_the_drone_is_and_looks(clock: Clock) -> None:
     assert rate == 0
 
 
-def test_it_moves_at_what_was_to_be_flown(clock: Clock) -> None:
-    states = WholeStates(1, 0.05, clock)
+def test_it_moves_at_what_was_to_be_flown(states: Flown) -> None:
     for velocity in ([0.3, 0, 0], [0, 0.2, 0.1]):
-        states.packets(setpoint(velocity), at([1, 2, 0.8]), [12])
-        clock.time += TICK
-    position, velocity, *_ = told(states.packets(setpoint([0, 0, 0]), at([1, 2, 0.8]), [12])[0])
+        states.tick(setpoint(velocity), at([1, 2, 0.8]))
+    position, velocity, *_ = told(states.tick(setpoint([0, 0, 0]), at([1, 2, 0.8]))[0])
     assert position == pytest.approx([1 + 0.3 * TICK, 2 + 0.2 * TICK, 0.8 + 0.1 * TICK])
     assert velocity == [0, 0, 0]
 
 
-def test_it_does_not_run_away_from_a_drone_that_cannot_follow(clock: Clock) -> None:
-    states = WholeStates(1, 0.05, clock)
+def test_it_does_not_run_away_from_a_drone_that_cannot_follow(states: Flown) -> None:
     for _tick in range(40):
-        packets = states.packets(setpoint([0.6, 0.8, 0]), at([1, 2, 0.8]), [12])
-        clock.time += TICK
+        packets = states.tick(setpoint([0.6, 0.8, 0]), at([1, 2, 0.8]))
     position, *_ = told(packets[0])
     assert position == pytest.approx([1 + 0.6 * MAX_LEAD, 2 + 0.8 * MAX_LEAD, 0.8], abs=1e-3)
 
 
-def test_it_holds_a_place_against_drift(clock: Clock) -> None:
-    states = WholeStates(1, 0.05, clock)
+def test_it_holds_a_place_against_drift(states: Flown) -> None:
     for drift in (0.0, 0.05, 0.1):
-        packets = states.packets(setpoint([0, 0, 0]), at([1 + drift, 2, 0.8]), [12])
-        clock.time += TICK
+        packets = states.tick(setpoint([0, 0, 0]), at([1 + drift, 2, 0.8]))
     assert told(packets[0])[0] == [1, 2, 0.8]
 
 
-def test_it_turns_as_a_velocity_would_have_it(clock: Clock) -> None:
-    states = WholeStates(1, 0.05, clock)
-    states.packets(setpoint([0, 0, 0], 0.2), at([0, 0, 1]), [12])
-    clock.time += TICK
-    _, _, yaw, rate = told(states.packets(setpoint([0, 0, 0], 0.2), at([0, 0, 1]), [12])[0])
+def test_it_turns_as_a_velocity_would_have_it(states: Flown) -> None:
+    states.tick(setpoint([0, 0, 0], 0.2), at([0, 0, 1]))
+    _, _, yaw, rate = told(states.tick(setpoint([0, 0, 0], 0.2), at([0, 0, 1]))[0])
     turned = GAIN * 0.2 * TICK
     assert yaw == pytest.approx(turned, abs=0.003)  # a packed quaternion's parts are of 1/723
     assert rate == pytest.approx(GAIN * (0.2 - turned), abs=1e-3)
-    _, _, _, rate = told(states.packets(setpoint([0, 0, 0], 3.0), at([0, 0, 1]), [12])[0])
+    _, _, _, rate = told(states.tick(setpoint([0, 0, 0], 3.0), at([0, 0, 1]))[0])
     assert rate == MAX_YAW_RATE
 
 
-def test_heading_setpoints_stay_near_a_drone_that_cannot_turn(clock: Clock) -> None:
-    states = WholeStates(1, 0.05, clock)
+def test_heading_setpoints_stay_near_a_drone_that_cannot_turn(states: Flown) -> None:
     for _tick in range(40):
-        packets = states.packets(setpoint([0, 0, 0], 2.5), at([0, 0, 1], 0.2), [12])
-        clock.time += TICK
+        packets = states.tick(setpoint([0, 0, 0], 2.5), at([0, 0, 1], 0.2))
     assert told(packets[0])[2] == pytest.approx(0.2 + MAX_YAW_LEAD, abs=0.003)
 
 
-def test_it_turns_on_across_the_back(clock: Clock) -> None:
-    states = WholeStates(1, 0.05, clock)
+def test_it_turns_on_across_the_back(states: Flown) -> None:
     for _tick in range(2):
-        packets = states.packets(setpoint([0, 0, 0], -3.0), at([0, 0, 1], 3.1), [12])
-        clock.time += TICK
+        packets = states.tick(setpoint([0, 0, 0], -3.0), at([0, 0, 1], 3.1))
     turned = 3.1 + GAIN * (math.tau - 6.1) * TICK
     assert math.remainder(told(packets[0])[2] - turned, math.tau) == pytest.approx(0, abs=0.003)
 
 
-def test_what_was_flown_long_ago_leads_nowhere(clock: Clock) -> None:
-    states = WholeStates(1, 0.05, clock)
-    states.packets(setpoint([0.3, 0, 0]), at([0, 0, 0.8]), [12])
-    clock.time += SETPOINT_TIMEOUT
-    position, *_ = told(states.packets(setpoint([0, 0.3, 0]), at([0.4, 0, 0.8]), [12])[0])
+def test_what_was_flown_long_ago_leads_nowhere(states: Flown) -> None:
+    states.tick(setpoint([0.3, 0, 0]), at([0, 0, 0.8]))
+    states.time += SETPOINT_TIMEOUT - TICK
+    position, *_ = told(states.tick(setpoint([0, 0.3, 0]), at([0.4, 0, 0.8]))[0])
     assert position == [0.4, 0, 0.8]
 
 
-def test_an_agent_that_was_not_flown_for_a_tick_begins_anew(clock: Clock) -> None:
-    states = WholeStates(1, 0.05, clock)
-    states.packets(setpoint([0.3, 0, 0]), at([1, 2, 0.8]), [12])
-    clock.time += TICK
-    assert states.packets(setpoint([0, 0, 0], active=False), at([1, 2, 0.8]), [12]) == {}
-    clock.time += TICK
-    packets = states.packets(setpoint([0.3, 0, 0]), at([1.1, 2, 0.8]), [12])
+def test_an_agent_that_was_not_flown_for_a_tick_begins_anew(states: Flown) -> None:
+    states.tick(setpoint([0.3, 0, 0]), at([1, 2, 0.8]))
+    assert states.tick(setpoint([0, 0, 0], active=False), at([1, 2, 0.8])) == {}
+    packets = states.tick(setpoint([0.3, 0, 0]), at([1.1, 2, 0.8]))
     assert told(packets[0])[0] == [1.1, 2, 0.8]
 
 
 @pytest.mark.parametrize("lost", [[math.nan] * 3, [33.0, 0, 0], [1e6, 0, 0]])
-def test_unencodable_positions_are_flown_by_velocity(clock: Clock, lost: list[float]) -> None:
-    states, wanted = WholeStates(1, 0.05, clock), setpoint([0.3, 0, 0])
-    states.packets(wanted, at([1, 2, 0.8]), [12])
-    clock.time += TICK
-    packets = states.packets(wanted, at(lost), [12])
+def test_unencodable_positions_are_flown_by_velocity(states: Flown, lost: list[float]) -> None:
+    wanted = setpoint([0.3, 0, 0])
+    states.tick(wanted, at([1, 2, 0.8]))
+    packets = states.tick(wanted, at(lost))
     assert packets == Velocities(1, 0.05).packets(wanted, at(lost), [12])
     assert packets == {0: orders.velocity([0.3, 0, 0], 0.0, 12)}
-    clock.time += TICK
-    assert told(states.packets(wanted, at([1, 2, 0.8]), [12])[0])[0] == [1, 2, 0.8]
+    assert told(states.tick(wanted, at([1, 2, 0.8]))[0])[0] == [1, 2, 0.8]
 
 
 def test_a_mission_has_drones_flown_so(peers: Peers, make: Open) -> None:
@@ -187,19 +170,16 @@ def along(velocity: Sequence[float], acceleration: Sequence[float], x: float) ->
     )
 
 
-def test_states_of_trajectories_are_ahead_with_their_acceleration(clock: Clock) -> None:
-    states = WholeStates(1, TICK, clock)
-    states.packets(setpoint([0, 0, 0]), at([1, 2, 0.8]), [12])
-    clock.time += TICK
-    packet = states.packets(along([0.5, 0, 0], [1.5, 0, 0], 1.02), at([1, 2, 0.8]), [12])[0]
+def test_states_of_trajectories_are_ahead_with_their_acceleration(states: Flown) -> None:
+    states.tick(setpoint([0, 0, 0]), at([1, 2, 0.8]))
+    packet = states.tick(along([0.5, 0, 0], [1.5, 0, 0], 1.02), at([1, 2, 0.8]))[0]
     _, *values = struct.unpack("<BhhhhhhhhhIhhh", packet[1:])
     ahead = 0.06 + TICK / 2
     assert values[0] == pytest.approx(1000 + 500 * ahead, abs=1)  # mm, from where it was sent
     assert values[3] == pytest.approx(500 + 1500 * ahead, abs=1)
     assert values[6:9] == [1500, 0, 0]
     assert values[12] == 400
-    clock.time += TICK
-    position, *_ = told(states.packets(setpoint([0, 0, 0]), at([1, 2, 0.8]), [12])[0])
+    position, *_ = told(states.tick(setpoint([0, 0, 0]), at([1, 2, 0.8]))[0])
     assert position[0] == pytest.approx(1 + 0.5 * TICK, abs=1e-3)  # goes on from there
 
 

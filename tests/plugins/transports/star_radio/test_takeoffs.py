@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +17,7 @@ from star_sim import pieces
 from star_sim.commander import ending_at_rest
 from tests.campaign.link_cuts import FOLLOW, PATH
 from tests.end_to_end.virtual_air import START_TRAJECTORY, TAKEOFF, Air, flown
-from tests.plugins.transports.star_radio.conftest import Open, Peers
+from tests.plugins.transports.star_radio.conftest import Open, Peers, command, ticks
 from tests.plugins.transports.star_radio.virtual import EPOCH
 
 CUT = LinkFaults(cuts=((0.0, math.inf),))
@@ -164,6 +163,11 @@ def test_lost_packets_start_no_second_climb(
     assert flight.fallen == []
 
 
+def take_off(radio: Radio) -> None:
+    ticks(radio, 2)
+    radio.command(command(Order.TAKEOFF, position=(0.0, 0.0, 0.5), duration=2.0))
+
+
 def test_a_start_is_repeated_only_while_reports_show_no_effect(peers: Peers, connect: Open) -> None:
     (drone,) = peers(1)
     radio = connect([drone], descent=True)
@@ -207,27 +211,6 @@ def test_a_climb_is_over_after_its_duration(peers: Peers, connect: Open) -> None
     take_off(radio)
     ticks(radio, 2)
     drone.values["supervisor.info"] = 0x11F
-    states = ticks(radio, 60)
-    finished = [bool(state & 0x200) for state in states]
+    finished = [bool(telemetry.state[0] & 0x200) for telemetry in ticks(radio, 60)]
     assert finished == sorted(finished)
     assert 38 <= finished.index(True) <= 44  # 2 s after the first report
-
-
-def command(order: Order) -> Command:
-    one = np.ones(1)
-    return Command(order, np.zeros(1, np.int64), np.array([[0.0, 0.0, 0.5]]), 0 * one, 2 * one)
-
-
-def take_off(radio: Radio) -> None:
-    ticks(radio, 2)
-    radio.command(command(Order.TAKEOFF))
-
-
-def ticks(radio: Radio, n: int) -> list[int]:
-    """Let ticks of 50 ms pass; return the state after each."""
-    first = 0.0 if radio.began is None else time.monotonic() - radio.began
-    states = []
-    for i in range(n):
-        radio.wait(first + i * 0.05)
-        states.append(int(radio.receive().state[0]))
-    return states
