@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
-from star_core import InputError, Registry, load
+from tests.plugins.formats.star_yaml.problems import of_steps
 
 HEAD = """\
 star: 1
@@ -16,92 +14,61 @@ swarm:
   cf1: {start: [-0.5, 0, 0], camera: aideck}
   cf2: {start: [0.5, 0, 0]}
   cf3: {start: [0, 1, 0]}
-reserve: {agents: cf3}
+reserve: {agents: [cf3]}
 transport: sim
 localizer: flow
 planner: straight
 avoider: none
 mission:
 """
-UP, DOWN = "takeoff: {height: 0.8}", "land: {}"
+UP, DOWN, HOLD = "takeoff: {height: 0.8}", "land: {}", "hold: {for: 1}"
 GOTO = "goto: {by: [0, 0.1, 0]}"
-
-
-def faults(*steps: str) -> list[str]:
-    """The errors of a mission with these steps, each on a line of its own from the first."""
-    Path("m.yaml").write_text(
-        HEAD.replace("agents: cf3", "agents: [cf3]") + "".join(f"  - {step}\n" for step in steps)
-    )
-    try:
-        load(Path("m.yaml"), Registry())
-    except InputError as error:
-        lines = HEAD.count("\n")
-        return [
-            f"{int(told.split(':')[1]) - lines} {told.split(': ', 1)[1].rpartition(' [')[0]}"
-            for told in error.problems
-        ]
-    return []
-
+ONE_UP, ONE_DOWN = "takeoff: {agents: cf1, height: 0.8}", "land: {agents: cf1}"
+ONE_GOES, ONE_LEAVES = "goto: {agents: cf1, by: [0, 0.1, 0]}", "leave: {agents: cf1}"
+JOIN = "join: {agents: cf3, height: 0.8}"
 
 pytestmark = pytest.mark.usefixtures("hop")
 
 
-def test_a_mission_that_takes_off_flies_and_lands_has_no_fault() -> None:
-    assert faults(UP, GOTO, DOWN, UP, "hold: {for: 1}", DOWN) == []
+@pytest.mark.parametrize(
+    "steps",
+    [
+        [UP, GOTO, DOWN, UP, HOLD, DOWN],
+        [UP, ONE_DOWN, DOWN],  # an agent that lands may stand already
+        ["wait: {until: {elapsed: 1}}", UP, HOLD, GOTO],
+        ["repeat: {times: 2, steps: [{takeoff: {height: 0.8}}, {land: {}}]}"],
+        ["repeat: {times: 1, steps: [{takeoff: {height: 0.8}}]}"],
+        [UP, ONE_LEAVES, "each: {steps: [{hold: {for: 1}}]}"],
+        [UP, ONE_LEAVES, GOTO],
+        [UP, JOIN, GOTO, DOWN],
+    ],
+)
+def test_agents_may_be_where_their_steps_need_them(steps: list[str]) -> None:
+    assert of_steps(HEAD, steps) == []
 
 
-def test_an_agent_that_did_not_take_off_cannot_fly() -> None:
-    assert faults(GOTO) == ["1 goto needs its agents in the air; cf1, cf2 are on the ground here"]
-    assert faults("takeoff: {height: 0.8, agents: cf1}", GOTO) == [
-        "2 goto needs its agents in the air; cf2 is on the ground here"
-    ]
+@pytest.mark.parametrize(
+    ("steps", "position"),
+    [
+        ([GOTO], "1:5"),
+        ([ONE_UP, GOTO], "2:5"),
+        ([UP, ONE_DOWN, GOTO], "3:5"),
+        ([UP, GOTO, UP], "3:5"),
+        ([GOTO, GOTO, DOWN, UP, GOTO], "1:5"),  # which is reported once
+        ([HOLD, GOTO], "2:5"),
+        (["wait: {until: {elapsed: 1}}", GOTO], "2:5"),
+        (["repeat: {times: 3, steps: [{takeoff: {height: 0.8}}]}"], "1:32"),  # the second round
+        (["parallel: [{takeoff: {agents: cf1}}, {goto: {agents: cf2, by: [0, 0.1, 0]}}]"], "1:42"),
+        ([UP, JOIN, UP], "3:5"),
+    ],
+)
+def test_agents_cannot_be_where_steps_do_not_need_them(steps: list[str], position: str) -> None:
+    assert of_steps(HEAD, steps) == [f"step {position} [wrong-airborne-state]"]
 
 
-def test_an_agent_that_has_landed_cannot_fly() -> None:
-    wrong = "3 goto needs its agents in the air; cf1 is on the ground here"
-    assert faults(UP, "land: {agents: cf1}", GOTO) == [wrong]
-
-
-def test_an_agent_that_flies_cannot_take_off() -> None:
-    assert faults(UP, GOTO, UP) == [
-        "3 takeoff needs its agents on the ground; cf1, cf2 are in the air here"
-    ]
-
-
-def test_repeated_airborne_problems_are_reported_once() -> None:
-    assert len(faults(GOTO, GOTO, DOWN, UP, GOTO)) == 1
-
-
-def test_an_agent_that_lands_may_stand_already() -> None:
-    assert faults(UP, "land: {agents: cf1}", DOWN) == []
-
-
-@pytest.mark.parametrize("wait", ["wait: {until: {elapsed: 1}}", "hold: {for: 1}"])
-def test_a_wait_moves_no_agent(wait: str) -> None:
-    assert faults(wait, UP, wait, GOTO) == []
-    assert len(faults(wait, GOTO)) == 1
-
-
-def test_the_second_round_begins_where_the_first_ends() -> None:
-    hop = "repeat: {times: 2, steps: [{takeoff: {height: 0.8}}, {land: {}}]}"
-    assert faults(hop) == []
-    up_only = "repeat: {times: 3, steps: [{takeoff: {height: 0.8}}]}"
-    assert [told[2:] for told in faults(up_only)] == [
-        "takeoff needs its agents on the ground; cf1, cf2 are in the air here"
-    ]
-    assert faults(up_only.replace("3", "1")) == []
-
-
-def test_branches_and_each_are_looked_into() -> None:
-    both = (
-        "parallel: [{takeoff: {agents: cf1, height: 0.8}}, {goto: {agents: cf2, by: [0, 0.1, 0]}}]"
-    )
-    assert [told[2:] for told in faults(both)] == [
-        "goto needs its agents in the air; cf2 is on the ground here"
-    ]
+def test_steps_of_each_agent_are_looked_into() -> None:
     each = "each: {steps: [{takeoff: {height: 0.8}}, {takeoff: {height: 0.8}}]}"
-    assert len(faults(each)) == 2
-    assert faults(UP, "leave: {agents: cf1}", "each: {steps: [{hold: {for: 1}}]}") == []
+    assert of_steps(HEAD, [each]) == ["step 1:46 [wrong-airborne-state]"] * 2
 
 
 @pytest.mark.parametrize(
@@ -113,30 +80,16 @@ def test_branches_and_each_are_looked_into() -> None:
         "goto: {by: [0, 0.1, 0], on_failure: land}",
     ],
 )
-def test_nothing_is_reported_of_those_whose_place_is_not_known(step: str) -> None:
-    assert faults(UP, step, "goto: {agents: cf1, by: [0, 0.1, 0]}") == []
-    assert faults(UP, step, "takeoff: {agents: cf1, height: 0.8}") == []
+def test_nothing_is_reported_of_agents_in_unknown_states(step: str) -> None:
+    assert of_steps(HEAD, [UP, step, ONE_GOES]) == []
+    assert of_steps(HEAD, [UP, step, ONE_UP]) == []
 
 
 def test_agents_that_left_are_in_no_later_step() -> None:
-    assert faults(UP, "leave: {agents: cf1}", GOTO) == []
-    assert faults(UP, "leave: {agents: cf1}", "hold: {agents: cf1, for: 1}") == [
-        "3 hold has no agents: cf1 left the mission before"
-    ]
-
-
-def test_a_reserve_flies_when_it_has_joined() -> None:
-    assert faults(UP, "join: {agents: cf3, height: 0.8}", GOTO, DOWN) == []
-    assert faults(UP, "join: {agents: cf3, height: 0.8}", UP) == [
-        "3 takeoff needs its agents on the ground; cf1, cf2, cf3 are in the air here"
-    ]
+    steps = [UP, ONE_LEAVES, "hold: {agents: cf1, for: 1}"]
+    assert of_steps(HEAD, steps) == ["step 3:5 [agent-not-in-mission]"]
 
 
 def test_agents_starting_above_the_floor_are_not_checked() -> None:
-    Path("m.yaml").write_text(
-        HEAD.replace("reserve: {agents: cf3}\n", "")
-        .replace(", 0, 0]", ", 0, 0.3]")
-        .replace("1, 0]}", "1, 0.3]}")
-        + f"  - {GOTO}\n"
-    )
-    load(Path("m.yaml"), Registry())
+    high = HEAD.replace("reserve: {agents: [cf3]}\n", "").replace(", 0]", ", 0.3]")
+    assert of_steps(high, [GOTO]) == []
