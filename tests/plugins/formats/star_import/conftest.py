@@ -9,7 +9,8 @@ from typing import Any, TypeAlias
 
 import pytest
 
-from star_core import Mission, Registry, load
+from star_core import InputError, Mission, Registry, load
+from star_core.errors import code_of
 from tests.commands import command
 
 main = command("import")
@@ -24,6 +25,13 @@ robots:
 robot_types:
   a: {battery: {voltage_critical: 3.7}}
 """
+
+
+def refusals(*arguments: str) -> list[str]:
+    """Return what each problem of a refused import is about, with its code."""
+    with pytest.raises(InputError) as raised:
+        main(arguments)
+    return [f"{text.partition(': ')[0]} [{code_of(text)}]" for text in raised.value.problems]
 
 
 def remark(note: dict[str, Any]) -> str:

@@ -9,10 +9,7 @@ import pytest
 
 from star_core import InputError, Registry, fly, load
 from star_core.toolkit import Parallel, actions
-from tests.commands import command
-from tests.plugins.formats.star_import.conftest import ROBOTS, Import
-
-main = command("import")
+from tests.plugins.formats.star_import.conftest import ROBOTS, Import, refusals
 
 Put = Callable[[str, str], str]
 ORDER = range(8)
@@ -53,42 +50,10 @@ def test_agents_that_start_near_each_other_have_a_smaller_radius(place: Put, tak
     assert f"changed crazyflies: agents start 0.3 m apart; {radius}" in told
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "expected"),
-    [
-        ("[-1.0, 0.0, 0.0]", "[0.0, 0.0, 0.0]",
-         "crazyflies.yaml:3:8: as STAR reads it: 'cf2' starts 0.00 m from 'cf1', closer than twice "
-         "avoider.radius (0.40 m) [too-close]"),
-        ("initial_position: [-1.0, 0.0, 0.0]", "a: 1",
-         "crazyflies.yaml:2:8: has no 'initial_position' [missing-option]"),
-        ("[-1.0, 0.0, 0.0]", "[-1.0, 0.0]",
-         "crazyflies.yaml:2:75: cf1 has 2 numbers, expected x, y and z [invalid-input]"),
-        ("  cf1:", "  1cf:",
-         "crazyflies.yaml:2:8: '1cf' cannot be an agent's name, expected a letter, then letters, "
-         "digits, '_' and '-', and not 'all' [invalid-input]"),
-        ("type: a}\n  cf2", "type: b}\n  cf2", "crazyflies.yaml:2:99: no type 'b' among a"
-         " [invalid-input]"),
-    ],
-)  # fmt: skip
-def test_robots_that_cannot_be_expressed_are_refused(
-    place: Put, take: Import, old: str, new: str, expected: str
-) -> None:
-    place("crazyflies.yaml", ROBOTS.replace(old, new, 1))
-    with pytest.raises(InputError) as raised:
-        take("crazyflies.yaml")
-    assert list(raised.value.problems) == [expected]
-
-
-def test_an_agent_that_is_named_twice_is_refused(place: Put, take: Import) -> None:
+def test_an_agent_that_is_named_twice_is_refused(place: Put) -> None:
     place("crazyflies.yaml", ROBOTS)
-    with pytest.raises(InputError, match="--agent cf1=2,2: another agent is named 'cf1' too"):
-        take("crazyflies.yaml", "--agent", "cf1=2,2")
-
-
-def test_no_agent_enabled_is_refused(place: Put, take: Import) -> None:
-    place("crazyflies.yaml", ROBOTS.replace("enabled: true", "enabled: false"))
-    with pytest.raises(InputError, match=r"crazyflies\.yaml:2:3: no robot is enabled"):
-        take("crazyflies.yaml")
+    refused = refusals("crazyflies.yaml", "--agent", "cf1=2,2")
+    assert refused == ["--agent cf1=2,2 [invalid-input]"]
 
 
 def test_a_trajectory_is_copied_and_followed(place: Put, take: Import) -> None:
@@ -120,9 +85,9 @@ def test_excessively_fast_trajectories_suggest_a_timescale(place: Put, take: Imp
     take("eight.csv", "--agent", "cf1=0,0", "--timescale", "1.88")
 
 
-def test_a_trajectory_that_is_not_there_is_reported(take: Import) -> None:
-    with pytest.raises(InputError, match=r"no\.csv: no such file"):
-        take("no.csv")
+@pytest.mark.parametrize("name", ["no.csv", "no.yaml"])
+def test_a_file_that_is_not_there_is_reported(name: str) -> None:
+    assert refusals(name) == [f"{name} [invalid-input]"]
 
 
 def test_every_voltage_of_a_battery_is_reported(place: Put, take: Import) -> None:
@@ -141,12 +106,6 @@ def test_numbers_that_are_in_no_file_are_reported(place: Put, take: Import) -> N
     place("m.yaml", f"command_sequence: [{up}, {go}]")
     told = take("m.yaml", "crazyflies.yaml", "--force")
     assert "assumed limits: speed 0.2 m/s, heights 0.5 to 2 m: no config.yaml" in told
-
-
-def test_missing_agents_are_reported_even_without_any_agent(place: Put) -> None:
-    place("m.yaml", 'command_sequence: ["land", "wait", "cf2", "", ""]')
-    with pytest.raises(InputError, match="no agent named 'cf2'; add its position: --agent"):
-        main(["m.yaml"])
 
 
 def test_trajectories_of_agents_are_flown_at_once(place: Put, take: Import) -> None:
@@ -169,19 +128,15 @@ def test_trajectories_of_agents_are_flown_at_once(place: Put, take: Import) -> N
 @pytest.mark.parametrize(
     ("option", "problem"),
     [
-        ("cf9=one.csv", "--trajectory cf9: no agent 'cf9' among cf1, cf2 [unknown-agent]"),
-        ("cf1", "--trajectory cf1: expected NAME=FILE [invalid-input]"),
-        ("cf1=no.csv", "--trajectory cf1=no.csv: no such file [file-not-found]"),
+        ("cf9=one.csv", "--trajectory cf9 [unknown-agent]"),
+        ("cf1", "--trajectory cf1 [invalid-input]"),
+        ("cf1=no.csv", "--trajectory cf1=no.csv [file-not-found]"),
     ],
 )
-def test_trajectories_of_no_agent_are_refused(
-    place: Put, take: Import, option: str, problem: str
-) -> None:
+def test_trajectories_of_no_agent_are_refused(place: Put, option: str, problem: str) -> None:
     place("crazyflies.yaml", ROBOTS)
     place("one.csv", trajectory(0.5, 4.0))
-    with pytest.raises(InputError) as raised:
-        take("crazyflies.yaml", "--trajectory", option)
-    assert list(raised.value.problems) == [problem]
+    assert refusals("crazyflies.yaml", "--trajectory", option) == [problem]
 
 
 def with_gap(gap: float) -> str:
@@ -194,8 +149,7 @@ def with_gap(gap: float) -> str:
 
 def test_gaps_are_bridged_on_request(place: Put, take: Import) -> None:
     place("gap.csv", with_gap(0.3))
-    with pytest.raises(InputError, match=r"begins 0\.30 m from the end of the previous piece"):
-        take("gap.csv", "--agent", "cf1=0,0")
+    assert refusals("gap.csv", "--agent", "cf1=0,0") == ["gap.csv [invalid-trajectory]"]
     notes = take("gap.csv", "--agent", "cf1=0,0", "--bridge-gaps")
     assert "changed gap.csv: gaps are bridged by 1 pieces more" in notes
     mission = load(Path("imported/gap.yaml"), Registry())
@@ -214,12 +168,7 @@ def test_pieces_that_a_drone_cannot_hold_are_refused_by_name(place: Put, take: I
     header, *pieces = trajectory(0.2, 2.0).splitlines()
     place("long.csv", "\n".join([header, *(pieces * 16)]) + "\n")
     agent = ("--agent", "cf1=0,0")
-    with pytest.raises(InputError) as raised:
-        take("long.csv", *agent, "--on-board")
-    assert list(raised.value.problems) == [
-        "long.csv: has 32 pieces, and a Crazyflie holds 31; leave out --on-board "
-        "[invalid-trajectory]"
-    ]
+    assert refusals("long.csv", *agent, "--on-board") == ["long.csv [invalid-trajectory]"]
     take("long.csv", *agent)
     place("short.csv", trajectory(0.2, 2.0))
     take("short.csv", *agent, "--on-board")

@@ -172,20 +172,6 @@ def test_a_folder_without_its_environment_gets_a_warning(folder: Path) -> None:
     assert warning.startswith(f"{folder}/config.yaml:1:19: warning: this environment is not among")
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "expected"),
-    [
-        ("0.25", "-1", "config.yaml:4:18: -1, expected a number more than 0 [invalid-input]"),
-        ("3.0", "soon", "config.yaml:2:19: is 'soon', expected a number [wrong-type]"),
-        ("[0.4, 1.8]", "[1]", "config.yaml:5:39: expected two heights, m [invalid-input]"),
-    ],
-)
-@pytest.mark.usefixtures("folder")
-def test_mistakes_in_the_configuration_are_located(old: str, new: str, expected: str) -> None:
-    Path("config.yaml").write_text(CONFIG.replace(old, new))
-    assert problems("mission/up.yaml") == [expected]
-
-
 @pytest.mark.usefixtures("folder")
 def test_tags_that_overlap_are_flown_smaller_with_a_warning() -> None:
     tags = """\
