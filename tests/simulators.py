@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Generator
+from dataclasses import replace
 from typing import Any
 
-from star_core import Scene
+from star_core import Scene, hookimpl
 from star_fleet.server import Fleet
 from star_sim import ideal_world
 from star_sim.transport import Simulator
@@ -13,6 +15,25 @@ from star_sim.transport import Simulator
 def ideal_simulator(scene: Scene, **options: Any) -> Simulator:
     """Return a simulator; `options` are arguments of `Simulator` that differ."""
     return Simulator(scene, **ideal_world(**options))
+
+
+class SimulatorWitness:
+    """An observer that keeps the simulator of a flight, to see its drones after the last tick."""
+
+    simulator: Any = None
+
+    @hookimpl(wrapper=True)
+    def star_transports(self) -> Generator[None, Any, list[list[Any]]]:
+        offers = yield
+
+        def kept(make: Callable[..., Any]) -> Callable[..., Any]:
+            def made(*arguments: Any, **options: Any) -> Any:
+                self.simulator = make(*arguments, **options)
+                return self.simulator
+
+            return made
+
+        return [[replace(spec, make=kept(spec.make)) for spec in own] for own in offers]
 
 
 def ideal_fleet(scene: Scene, **options: Any) -> Fleet:

@@ -6,9 +6,8 @@ import json
 import resource
 import tempfile
 import time
-from collections.abc import Callable, Generator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import redirect_stderr
-from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
 from typing import Any, Final
@@ -20,6 +19,7 @@ from star_basics.flight import run_mission
 from star_core import Event, InputError, PluginError, Registry, Tick, hookimpl, read_run
 from star_core.discovery import Source
 from tests.campaign.fault_cells import CROSSING, ROOM, RULED, Cell
+from tests.simulators import SimulatorWitness
 
 CROSSING_TIME: Final = (3.3, 6.3)  # s, in which the drones cross: none takes off or lands
 ENDINGS: Final = {"safety", "failure", "plugin", "interrupt", "observer"}  # kinds of events
@@ -31,7 +31,7 @@ MAX_IMPACT: Final = 1.0  # m/s; a drone that lands is slower
 AFTER: Final = 5.0  # s of simulation after the program has ended
 
 
-class Witness:
+class Witness(SimulatorWitness):
     """Observes a flight: what its policies are judged by.
 
     Args:
@@ -44,7 +44,6 @@ class Witness:
         self._at = at
         self._operator: Any = None
         self._act = cell.act
-        self.simulator: Any = None
         self.speed_limit = np.inf
         self.names: tuple[str, ...] = ()
         self.time: list[float] = []
@@ -52,19 +51,6 @@ class Witness:
         self.finite = True
         self.speed = 0.0
         self.events: list[Event] = []
-
-    @hookimpl(wrapper=True)
-    def star_transports(self) -> Generator[None, Any, list[list[Any]]]:
-        offers = yield
-
-        def kept(make: Callable[..., Any]) -> Callable[..., Any]:
-            def made(*arguments: Any, **options: Any) -> Any:
-                self.simulator = make(*arguments, **options)
-                return self.simulator
-
-            return made
-
-        return [[replace(one, make=kept(one.make)) for one in own] for own in offers]
 
     @hookimpl
     def star_mission_started(self, flight: Any, operator: Any) -> None:

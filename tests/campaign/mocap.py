@@ -17,11 +17,14 @@ from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 import numpy as np
+import pytest
 
 from star_core import AgentPhase, Flight, Registry, Tick, Transform, fly, hookimpl, load
 from star_faults.fault_file import faults_of
 from star_faults.injector import FaultInjector
+from star_mocap.time_offset import TimeOffset
 from tests.campaign import mocap_fleet
+from tests.campaign.mocap_fleet import NEAR, ON_FLOOR, WORLD
 
 TABLES = ("accuracy", "latency", "passing", "losses", "fleet")
 SEED = 1000
@@ -29,10 +32,7 @@ MISSION = Path(__file__).parents[2] / "missions" / "motion_capture.yaml"
 LATENCIES = (0.0, 0.02, 0.04, 0.06, 0.08, 0.1, 0.12)  # s
 BEGINS = 3.5  # s, of a fault: in flight
 APART = 0.4  # m, at which two drones pass
-NEAR = 0.15  # m, within which an estimate is of the right drone
-ON_FLOOR = 0.05  # m
 
-WORLD = "star: 1\nname: hall\nfence: {low: [-3, -3, 0], high: [3, 3, 3]}\n"
 FLIGHT = """\
 star: 1
 name: flight
@@ -93,24 +93,22 @@ class Flown(NamedTuple):
 
 
 class Watch:
-    """Compares estimates with the truth."""
+    """Compares estimates with the truth.
+
+    Attributes:
+        worst: As of `Flown`, like the next two.
+        highest: As of `Flown`.
+        gaps: As of `Flown`.
+        planar: Squared errors in the plane of the on-board estimates, m².
+        heights: Squared errors of the estimated heights, m².
+    """
 
     def __init__(self) -> None:
         self.worst = self.highest = 0.0
         self.gaps = 0
-        self._squares: list[float] = []
-        self._heights: list[float] = []
+        self.planar: list[float] = []
+        self.heights: list[float] = []
         self._frames = Transform(np.zeros(0), np.zeros((0, 3)))
-
-    @property
-    def on_board(self) -> float:
-        """RMS error in the plane of the on-board estimates, m."""
-        return _rms(self._squares)
-
-    @property
-    def along_z(self) -> float:
-        """RMS error of the estimated heights, m."""
-        return _rms(self._heights)
 
     @hookimpl
     def star_mission_started(self, flight: Flight) -> None:
@@ -126,12 +124,12 @@ class Watch:
         self.highest = max(self.highest, float(height.max()))
         flying = tick.health.phase == AgentPhase.FLYING
         off = tick.estimate.position - tick.truth.position
-        self._heights += (off[flying, 2] ** 2).tolist()
+        self.heights += (off[flying, 2] ** 2).tolist()
         error = np.linalg.norm(off, axis=1)
         self.worst = max(self.worst, float(error.max(initial=0.0, where=flying)))
         self.gaps += int(np.count_nonzero(flying & ~tick.estimate.valid))
         offset = self._frames.apply(tick.telemetry.position) - tick.truth.position
-        self._squares += np.vecdot(offset[:, :2], offset[:, :2])[flying].tolist()
+        self.planar += np.vecdot(offset[:, :2], offset[:, :2])[flying].tolist()
 
 
 def flown(
@@ -150,13 +148,8 @@ def flown(
         plugins.append(FaultInjector(mission.scene, made))
     registry = Registry(*plugins)
     summary = fly(load(path, registry, [f"seed={seed}", *assignments]), registry)
-    figures = watch.worst, watch.highest, watch.gaps, watch.on_board, watch.along_z
-    return Flown(seed, summary, *figures)
-
-
-def _rms(squares: Sequence[float]) -> float:
-    """Return the root of the mean of squares; 0 of none."""
-    return float(np.sqrt(np.mean(squares))) if squares else 0.0
+    rms = [float(np.sqrt(np.mean(squares or [0.0]))) for squares in (watch.planar, watch.heights)]
+    return Flown(seed, summary, watch.worst, watch.highest, watch.gaps, *rms)
 
 
 def written(folder: Path, text: str, *, more: str = "", apart: float = 1.0, x: float = -1) -> Path:
@@ -177,67 +170,49 @@ def passing(seed: int) -> bool:
 
 def latency_error(seed: int, latency: float) -> float:
     """Return the error of the estimated latency at the end of a flight, s."""
-    from star_mocap.localizer import Mocap
+    made: list[TimeOffset] = []
 
-    made: list[Mocap] = []
-    original = Mocap.__init__
+    def kept(agents: int) -> TimeOffset:
+        made.append(TimeOffset(agents))
+        return made[-1]
 
-    def kept(self: Mocap, *arguments: Any, **options: Any) -> None:
-        original(self, *arguments, **options)
-        made.append(self)
-
-    Mocap.__init__ = kept  # type: ignore[method-assign]  # the only way to its estimate
-    try:
-        flown(
-            MISSION,
-            seed,
-            [
-                "transport.positioning.timestamps=false",
-                f"transport.positioning.latency={latency}",
-                "transport.positioning.jitter=0",
-            ],
-        )
-    finally:
-        Mocap.__init__ = original  # type: ignore[method-assign]
-    offset = made[-1]._offset
-    assert offset is not None
-    return float(offset.latency.seconds) - latency
+    changes = {"timestamps": "false", "latency": latency, "jitter": 0}
+    with pytest.MonkeyPatch.context() as patch:  # the only way to its estimate
+        patch.setattr("star_mocap.localizer.TimeOffset", kept)
+        flown(MISSION, seed, [f"transport.positioning.{k}={v}" for k, v in changes.items()])
+    return float(made[-1].latency.seconds) - latency
 
 
-def lost(seed: int, seconds: float) -> Flown:
-    """Return a flight in which the body of cf1 is lost for some seconds."""
-    fault = {"component": "positioning", "mode": "off", "at": BEGINS, "agents": "cf1"}
+def faulty(seed: int, mode: str, **values: Any) -> Flown:
+    """Return a flight with a fault of the positioning system."""
     with TemporaryDirectory() as folder:
-        return flown(written(Path(folder), FLIGHT), seed, (), [{**fault, "for": seconds}])
+        fault = {"component": "positioning", "mode": mode, **values}
+        return flown(written(Path(folder), FLIGHT), seed, (), [fault])
 
 
 def brief_loss(seed: int) -> bool:
     """Whether an agent flies on by odometry while its body is lost for 0.3 s."""
-    flight = lost(seed, 0.3)
+    flight = faulty(seed, "off", agents="cf1", **{"at": BEGINS, "for": 0.3})
     return flight.completed and flight.gaps == 0 and flight.worst < NEAR
 
 
 def long_loss(seed: int) -> bool:
     """Whether an agent whose body is lost is landed by `position_lost` within 1.1 s."""
-    flight = lost(seed, 60.0)
+    flight = faulty(seed, "off", agents="cf1", **{"at": BEGINS, "for": 60.0})
     reacted = flight.when("cf1", "position_lost") - BEGINS
     return 0.9 <= reacted <= 1.1 and flight.summary["collisions"]["agent_agent"] == 0
 
 
 def exchange(seed: int) -> bool:
     """Whether exchanged bodies are noticed within 0.5 s, and the flight goes on."""
-    fault = {"component": "positioning", "mode": "wrong", "swap": True, "at": BEGINS}
-    with TemporaryDirectory() as folder:
-        flight = flown(written(Path(folder), FLIGHT), seed, (), [fault])
+    flight = faulty(seed, "wrong", swap=True, at=BEGINS)
     noticed = flight.when("exchanges bodies") - BEGINS
     return noticed <= 0.5 and flight.completed and flight.worst < NEAR
 
 
 def unmeasured(seed: int) -> bool:
     """Whether no agent takes off while one of them has no poses."""
-    fault = {"component": "positioning", "mode": "off", "agents": "cf2"}
-    with TemporaryDirectory() as folder:
-        flight = flown(written(Path(folder), FLIGHT), seed, (), [fault])
+    flight = faulty(seed, "off", agents="cf2")
     return not flight.completed and flight.highest < ON_FLOOR
 
 

@@ -11,8 +11,8 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, closing, contextmanager
 from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
@@ -135,12 +135,38 @@ def motion_capture(air: Air) -> Iterator[None]:
         schema = {"properties": system_options(plugins)}
         return Received(air, scene, fill_defaults(system, schema))
 
-    try:
-        with pytest.MonkeyPatch.context() as patch, virtual(air):
-            patch.setattr(MocapSourceSpec, "connect", staticmethod(connect))
-            yield
-    finally:
-        air.fleet.close()
+    with closing(air.fleet), pytest.MonkeyPatch.context() as patch, virtual(air):
+        patch.setattr(MocapSourceSpec, "connect", staticmethod(connect))
+        yield
+
+
+def watched(
+    air: Air,
+    path: Path,
+    changes: Sequence[str],
+    receives: AbstractContextManager[None],
+    act: Callable[[], object],
+    *,
+    at_once: bool = False,
+) -> Flown:
+    """Fly a mission over the air; act once, when cf1 has flown for a second, or at once."""
+    flight, risen = Flown(air), math.inf
+
+    def watch() -> None:
+        nonlocal risen
+        height = air.height
+        flight.highest = max(flight.highest, float(height.max()))
+        if height[0] > HIGH:
+            risen = min(risen, air.now)
+        if flight.injected == math.inf and (at_once or air.now - risen > FLOWN):
+            flight.injected = air.now
+            act()
+
+    air.watch = watch
+    registry = Registry(flight)
+    with receives:
+        flight.summary = fly(load(path, registry, changes), registry)
+    return flight
 
 
 def flown(fault: Mapping[str, Any], *, seed: int, at_once: bool = False) -> Flown:
@@ -151,29 +177,17 @@ def flown(fault: Mapping[str, Any], *, seed: int, at_once: bool = False) -> Flow
         (folder / "hall.yaml").write_text(WORLD, encoding="utf-8")
         (folder / "flight.yaml").write_text(MISSION, encoding="utf-8")
         changes = [f"seed={seed}", f"transport.cache={folder}/tables"]
-        path, registry = folder / "flight.yaml", Registry()
-        mission = load(path, registry, changes)
-        air = Air(mission.scene, seed=seed, conditions=DECKS, **simulator_arguments(**options))
-        flight = Flown(air)
-        risen = math.inf
+        path = folder / "flight.yaml"
+        scene = load(path, Registry(), changes).scene
+        air = Air(scene, seed=seed, conditions=DECKS, **simulator_arguments(**options))
 
-        def watch() -> None:
-            nonlocal risen
-            height = air.height
-            flight.highest = max(flight.highest, float(height.max()))
-            if height[0] > HIGH:
-                risen = min(risen, air.now)
-            if flight.injected == math.inf and (at_once or air.now - risen > FLOWN):
-                flight.injected, now = air.now, air.fleet.time
-                until = dict.fromkeys(fault["rows"], now + fault["seconds"])
-                values = {"swap": False, **fault.get("values", {})}
-                air.fleet.inject([Fault("positioning", fault["mode"], now, until, values)])
+        def inject() -> None:
+            now = air.fleet.time
+            until = dict.fromkeys(fault["rows"], now + fault["seconds"])
+            values = {"swap": False, **fault.get("values", {})}
+            air.fleet.inject([Fault("positioning", fault["mode"], now, until, values)])
 
-        air.watch = watch
-        registry = Registry(flight)
-        with motion_capture(air):
-            flight.summary = fly(load(path, registry, changes), registry)
-    return flight
+        return watched(air, path, changes, motion_capture(air), inject, at_once=at_once)
 
 
 def reported(flight: Flown, *, good: bool) -> bool:

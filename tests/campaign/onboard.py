@@ -8,20 +8,21 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import closing
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
-from star_core import Registry, Tick, fly, hookimpl, load
+from star_core import Registry, Tick, hookimpl, load
 from star_core.toolkit import fill_defaults
 from star_fleet.conditions import Condition, with_receivers
 from star_sim import OPTIONS, simulator_arguments
 from tests.campaign.mocap import Accuracy, _silent, accuracy, flown
-from tests.campaign.mocap_fleet import FLOWN, HIGH, ON_FLOOR, Flown
+from tests.campaign.mocap_fleet import ON_FLOOR, Flown, watched
 from tests.end_to_end.virtual_air import Air
 from tests.plugins.transports.star_radio.virtual import virtual
 
@@ -100,7 +101,7 @@ def landed_blindly(seed: int) -> tuple[float, float, float]:
 
 def over_fleet(
     seed: int, *, silent: int | None = None, loss: bool = False, flow_deck: bool = True
-) -> tuple[dict[str, Any], float, float]:
+) -> Flown:
     """Fly by Lighthouse over the radio's protocol, on a virtual clock.
 
     Args:
@@ -108,9 +109,6 @@ def over_fleet(
         silent: Row of a drone whose receiver receives nothing.
         loss: Whether that of the first drone receives nothing from 1 s in the air on.
         flow_deck: Whether the drones carry Flow decks.
-
-    Returns:
-        The summary, the worst error of an estimate in the air, m, and the greatest height, m.
     """
     receivers = {"system": "lighthouse", "flow_deck": flow_deck}
     options = fill_defaults({"onboard": receivers, "speed": 1.0}, OPTIONS)
@@ -125,46 +123,32 @@ def over_fleet(
         silenced = {} if silent is None else {silent: frozenset({Condition.NO_STATIONS})}
         conditions = with_receivers(silenced, here)
         air = Air(here, seed=seed, conditions=conditions, **simulator_arguments(**options))
-        flight = Flown(air)
-        risen = np.inf
+        onboard = air.fleet.simulator.onboard
+        assert onboard is not None
 
-        def watch() -> None:
-            nonlocal risen
-            flight.highest = max(flight.highest, float(air.height.max()))
-            if air.height[0] > HIGH:
-                risen = min(risen, air.now)
-            if loss and air.now - risen > FLOWN:
-                onboard = air.fleet.simulator.onboard
-                assert onboard is not None
-                onboard.receives[0] = False
+        def lose() -> None:
+            onboard.receives[0] = not loss
 
-        air.watch = watch
-        registry = Registry(flight)
-        try:
-            with virtual(air):
-                flight.summary = fly(load(LIGHTHOUSE, registry, changes), registry)
-        finally:
-            air.fleet.close()
-    return dict(flight.summary), flight.worst, flight.highest
+        with closing(air.fleet):
+            return watched(air, LIGHTHOUSE, changes, virtual(air), lose)
 
 
 def flies_over_fleet(seed: int, *, flow_deck: bool = True) -> bool:
     """Whether a flight over the radio's protocol completes, and is as accurate as simulated."""
-    summary, worst, _ = over_fleet(seed, flow_deck=flow_deck)
-    return summary["outcome"] == "completed" and worst < ACCURATE
+    flight = over_fleet(seed, flow_deck=flow_deck)
+    return flight.summary["outcome"] == "completed" and flight.worst < ACCURATE
 
 
 def never_received_over_fleet(seed: int) -> bool:
     """Whether no agent takes off while one of them receives nothing, over the protocol."""
-    summary, _, highest = over_fleet(seed, silent=1)
-    return summary["outcome"] != "completed" and highest < ON_FLOOR
+    flight = over_fleet(seed, silent=1)
+    return flight.summary["outcome"] != "completed" and flight.highest < ON_FLOOR
 
 
 def lost_over_fleet(seed: int) -> bool:
     """Whether an agent that receives nothing any more is landed before it is 0.4 m off."""
-    summary, worst, _ = over_fleet(seed, loss=True)
-    lands = any("position_lost" in event["text"] for event in summary["events"])
-    return lands and worst < NEAR
+    flight = over_fleet(seed, loss=True)
+    return flight.after("position_lost") < np.inf and flight.worst < NEAR
 
 
 HOLDS: Mapping[str, Holds] = {

@@ -19,11 +19,10 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final, TypeAlias
 
-from scipy.stats import beta
-
 from star_core import Registry
 from star_core.commands import run_command
 from star_core.formats import check_file
+from tests.campaign.faults import upper_bound
 
 SAFE: Final = 0.2  # m
 AGENTS: Final = (5, 10)
@@ -190,7 +189,6 @@ def table(rows: list[dict[str, str]], files: Path) -> Iterator[str]:
         of = [row for row in rows if (row["mission"], row["options"]) == key]
         apart = [float(row["min_separation_m"] or "nan") for row in of]
         n, bad = len(of), sum(not one >= SAFE for one in apart)
-        bound = 1.0 if bad == n else float(beta.ppf(0.95, bad + 1, n - bad))
         _, warnings = check_file(files / f"{key[0]}.yaml", registry)
         warned = "yes" if any(CODE in line for line in warnings) else "no"
         mean = {
@@ -200,7 +198,8 @@ def table(rows: list[dict[str, str]], files: Path) -> Iterator[str]:
         hit = sum(float(row["collisions.agent_agent"] or 0) > 0 for row in of)
         failed = sum(row["outcome"] != "completed" for row in of)
         yield (
-            f"| {key[0]} | {key[1]} | {warned} | {n} | {bad} | {100 * bound:.1f} % | {hit} "
+            f"| {key[0]} | {key[1]} | {warned} | {n} | {bad} "
+            f"| {100 * upper_bound(bad, n):.1f} % | {hit} "
             f"| {min(apart):.2f} m | {statistics.median(apart):.2f} m "
             f"| {mean['position_nees']:.2f} | {math.sqrt(mean['position_mse_m2.mean']):.2f} m "
             f"| {mean['flight_time_s']:.0f} s | {failed} |"

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Generator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from itertools import combinations, pairwise
 from typing import Any, Final, TypeAlias
 
 import numpy as np
 
 from star_core import Tick, hookimpl
+from tests.simulators import SimulatorWitness
 
 MAX_COLLISION: Final = 0.12  # m between the centers of two drones that touch
 MAX_CONTACT: Final = 0.06  # m between an obstacle and the center of a drone that touches it
@@ -99,7 +100,7 @@ def _polygon(corner: np.ndarray, point: np.ndarray) -> np.ndarray:
 
 
 @dataclass
-class Witness:
+class Witness(SimulatorWitness):
     """Observes a flight: where its drones are, and where they should go.
 
     Attributes:
@@ -117,21 +118,6 @@ class Witness:
     climb: list[np.ndarray] = field(default_factory=list)
     away: list[np.ndarray] = field(default_factory=list)
     estimated: list[np.ndarray] = field(default_factory=list)
-    _simulator: Any = None
-
-    @hookimpl(wrapper=True)
-    def star_transports(self) -> Generator[None, Any, list[list[Any]]]:
-        """Keep the simulator, to see the drones land after the last tick."""
-        offers = yield
-
-        def kept(make: Callable[..., Any]) -> Callable[..., Any]:
-            def made(*arguments: Any, **options: Any) -> Any:
-                self._simulator = make(*arguments, **options)
-                return self._simulator
-
-            return made
-
-        return [[replace(one, make=kept(one.make)) for one in own] for own in offers]
 
     @hookimpl
     def star_mission_started(self, flight: Any) -> None:
@@ -146,18 +132,18 @@ class Witness:
 
     def reset(self) -> None:
         """Forget the last flight."""
-        self._simulator = None
+        self.simulator = None
         for table in (self.time, self.position, self.climb, self.away, self.estimated):
             table.clear()
 
     def watch_on(self, seconds: float = 3.0) -> None:
         """Watch the drones for some more seconds, without the program."""
-        if self._simulator is None or not self.time:
+        if self.simulator is None or not self.time:
             return
-        begun, simulator = self.time[-1], type(self._simulator)
+        begun, simulator = self.time[-1], type(self.simulator)
         for k in range(1, round(seconds / 0.05)):
-            simulator.wait(self._simulator, begun + 0.05 * k)
-            truth = simulator.truth(self._simulator)
+            simulator.wait(self.simulator, begun + 0.05 * k)
+            truth = simulator.truth(self.simulator)
             self._add(begun + 0.05 * k, truth, np.full(len(self.names), np.nan))
 
     def _add(self, now: float, truth: Any, away: np.ndarray) -> None:

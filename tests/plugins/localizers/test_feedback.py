@@ -14,9 +14,10 @@ from hypothesis import strategies as st
 
 from star_apriltag.dead_reckoning import AgentState
 from star_apriltag.localizer import MIN_STD, MIN_YAW_STD, RETURN_STEP, RETURN_TURN, Feedback
-from star_core import Array, Corrections, Registry, Telemetry, Tick, Transform, fly, hookimpl, load
+from star_core import Corrections, Registry, Telemetry, Tick, Transform, fly, hookimpl, load
 from star_sim.drone import standing
 from star_sim.fusion import POSITION_GROWTH, Fusion
+from tests.plugins.localizers.conftest import report
 
 pytestmark = pytest.mark.ideal_world
 
@@ -94,10 +95,8 @@ def belief(position: list[float], yaw: float = math.pi / 2, spread: float = 0.00
     return AgentState(np.array(position), yaw, 0.05, -0.02, np.zeros(3), 0.0, covariance)
 
 
-def telemetry(position: list[float]) -> Telemetry:
-    one: Array = np.zeros(1)
-    attitude, state = np.array([[0.0, 0, 0, 1]]), np.zeros(1, np.int64)
-    return Telemetry(1.0, np.array([position]), np.zeros((1, 3)), attitude, one, state, one)
+def report_at(position: list[float]) -> Telemetry:
+    return report([position], time=1.0)
 
 
 def heading(corrections: Corrections) -> float:
@@ -106,7 +105,7 @@ def heading(corrections: Corrections) -> float:
 
 
 def sent(found: AgentState, reported: list[float]) -> Corrections:
-    return Feedback(AT_HOME).corrections([0], [found], AT_HOME, telemetry(reported))
+    return Feedback(AT_HOME).corrections([0], [found], AT_HOME, report_at(reported))
 
 
 def test_positions_are_sent_in_the_starting_frame_of_the_drone() -> None:
@@ -125,7 +124,7 @@ def test_attitudes_combine_own_tilt_with_the_estimated_heading() -> None:
 def test_a_position_can_be_sent_without_a_heading() -> None:
     found = belief([1.0, 2.5, 0.8], yaw=math.pi / 2 + 0.1)
     positions = Feedback(AT_HOME, turns=False)
-    answer = positions.corrections([0], [found], AT_HOME, telemetry([0.4, 0.0, 0.8]))
+    answer = positions.corrections([0], [found], AT_HOME, report_at([0.4, 0.0, 0.8]))
     assert answer.position == pytest.approx(np.array([[0.5, 0.0, 0.8]]))
     drones = standing(np.zeros((1, 3)), np.zeros(1), 1.0)
     Fusion(1).take(drones, answer, 4.0)
@@ -146,7 +145,7 @@ def test_sent_deviations_exceed_those_of_the_fix() -> None:
 def test_a_jump_moves_the_frame_which_then_returns(*, turns: bool, yaw: float) -> None:
     feedback = Feedback(AT_HOME, turns=turns)
     lies = Transform(np.array([math.pi / 2 + 0.3]), np.array([[1.0, 3.0, 0.0]]))
-    far, here = belief([1.0, 3.0, 0.8], yaw=math.pi / 2 + 0.3), telemetry([0.0, 0.0, 0.8])
+    far, here = belief([1.0, 3.0, 0.8], yaw=math.pi / 2 + 0.3), report_at([0.0, 0.0, 0.8])
     assert len(feedback.corrections([0], [far], lies, here).agent) == 0
 
     answer = feedback.corrections([0], [far], lies, here)
@@ -160,14 +159,14 @@ def test_a_jump_moves_the_frame_which_then_returns(*, turns: bool, yaw: float) -
 def test_jumps_of_unreported_drones_leave_their_frame_finite() -> None:
     feedback = Feedback(AT_HOME)
     found = belief([1.0, 2.0, 0.8])
-    assert not len(feedback.corrections([0], [found], AT_HOME, telemetry([math.nan] * 3)).agent)
-    assert len(feedback.corrections([0], [found], AT_HOME, telemetry([0.0, 0.0, 0.8])).agent)
+    assert not len(feedback.corrections([0], [found], AT_HOME, report_at([math.nan] * 3)).agent)
+    assert len(feedback.corrections([0], [found], AT_HOME, report_at([0.0, 0.0, 0.8])).agent)
 
 
-def corrections(position: list[float], deviation: float) -> Corrections:
+def corrections(position: list[float], std: float, *, turns: bool = True) -> Corrections:
     turned = [0.0, 0.0, math.sin(0.1), math.cos(0.1)]
-    one = np.array([deviation])
-    return Corrections(np.array([0]), np.array([position]), np.array([turned]), one, one)
+    one, yaw_std = np.array([std]), np.array([std if turns else math.inf])
+    return Corrections(np.array([0]), np.array([position]), np.array([turned]), one, yaw_std)
 
 
 def test_an_estimator_moves_partly_to_the_position_sent() -> None:
@@ -193,25 +192,19 @@ def test_a_velocity_turns_with_the_heading() -> None:
     assert drones["believed_velocity"][0] == pytest.approx(expected, abs=1e-3)
 
 
-def fix(position: list[float], std: float) -> Corrections:
-    one = np.array([std])
-    level = np.array([[0.0, 0.0, 0.0, 1.0]])
-    return Corrections(np.array([0]), np.array([position]), level, one, np.array([math.inf]))
-
-
 def test_a_position_fix_after_motion_corrects_the_heading() -> None:
     drones = standing(np.zeros((1, 3)), np.zeros(1), 1.0)
     fusion = Fusion(1)
     for way in range(1, 31):  # along x by its own heading, and in truth 0.1 rad to the left
         drones["believed_position"][0, 0] += math.cos(drones["believed_yaw"][0] - 0.1)
         drones["believed_position"][0, 1] += math.sin(drones["believed_yaw"][0] - 0.1)
-        fusion.take(drones, fix([float(way), 0.0, 0.0], 0.01), 1.0 * way)
+        fusion.take(drones, corrections([float(way), 0.0, 0.0], 0.01, turns=False), 1.0 * way)
     assert drones["believed_yaw"][0] == pytest.approx(0.1, abs=0.02)
 
 
 def test_a_position_fix_without_motion_leaves_the_heading() -> None:
     drones = standing(np.zeros((1, 3)), np.zeros(1), 1.0)
-    Fusion(1).take(drones, fix([0.1, 0.1, 0.0], 0.01), 10.0)
+    Fusion(1).take(drones, corrections([0.1, 0.1, 0.0], 0.01, turns=False), 10.0)
     assert drones["believed_position"][0, :2] == pytest.approx([0.1, 0.1], rel=0.05)
     assert drones["believed_yaw"][0] == 0.0
 
@@ -228,7 +221,7 @@ def test_a_covariance_stays_a_covariance(fixes: list[tuple[float, float, float, 
     for passed, x, y, std in fixes:
         now += passed
         drones["believed_position"][0, :2] += [y, x]
-        fusion.take(drones, fix([x, y, 0.0], std), now)
+        fusion.take(drones, corrections([x, y, 0.0], std, turns=False), now)
         covariance = fusion.covariance(drones, now)[0]
         assert np.allclose(covariance, covariance.T, rtol=1e-6)
         assert np.linalg.eigvalsh(covariance)[0] >= -1e-9 * np.trace(covariance)

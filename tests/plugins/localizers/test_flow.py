@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -13,27 +12,14 @@ from hypothesis.extra.numpy import arrays
 from scipy.spatial.transform import Rotation
 
 import star_flow
-from star_core import Agent, Array, Localizer, Scene, Telemetry
+from star_core import Agent, Array, Localizer, Scene
 from star_core.testing import scene
 from star_core.toolkit import fill_defaults
 from star_flow.drift import Drift
+from tests.plugins.localizers.conftest import report
 
 angles = st.floats(-np.pi, np.pi)
 positions = arrays(np.float64, (1, 3), elements=st.floats(-9, 9))
-
-
-def report(position: Any, *, yaw: float = 0.0, **more: Any) -> Telemetry:
-    n = len(position)
-    whole = Telemetry(
-        time=0.0,
-        position=np.array(position, np.float64),
-        velocity=np.zeros((n, 3)),
-        attitude=np.tile([0.0, 0.0, np.sin(yaw / 2), np.cos(yaw / 2)], (n, 1)),
-        battery=np.full(n, 4.0),
-        state=np.zeros(n, np.int64),
-        age=np.zeros(n),
-    )
-    return replace(whole, **more)
 
 
 def facing(yaw: float, start: tuple[float, float, float] = (1.0, 2.0, 0.0)) -> Scene:

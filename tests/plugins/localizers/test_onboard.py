@@ -35,6 +35,7 @@ from star_sim.onboard import ERRORS, nearest_surface
 from star_sim.onboard import Onboard as Receivers
 from star_sim.transport import Simulator
 from tests.campaign import onboard
+from tests.plugins.localizers.conftest import report
 
 SEED = onboard.SEED + 500
 HALL = """\
@@ -111,17 +112,8 @@ def agents(n: int) -> Scene:
 
 
 def telemetry(position: Array, variance: Array | None) -> Telemetry:
-    n = len(position)
-    return Telemetry(
-        time=2.0,
-        position=position,
-        velocity=np.ones((n, 3)),
-        attitude=np.tile([0.0, 0.0, np.sin(0.5), np.cos(0.5)], (n, 1)),
-        battery=np.full(n, 4.0),
-        state=np.zeros(n, np.int64),
-        age=np.zeros(n),
-        position_variance=variance,
-    )
+    moves = np.ones_like(position)
+    return report(position, yaw=1.0, time=2.0, velocity=moves, position_variance=variance)
 
 
 def localizer(n: int, system: str = "lighthouse") -> Onboard:

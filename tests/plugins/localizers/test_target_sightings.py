@@ -32,6 +32,7 @@ from star_core.testing import scene
 from star_core.toolkit import fill_defaults, square_corners
 from star_flow.drift import heading_variance
 from star_flow.target_sightings import square_fix
+from tests.plugins.localizers.conftest import report
 
 SIZE = 0.168
 CAMERA = Camera()
@@ -86,16 +87,7 @@ def detections(*found: tuple[int, Array], taken: float, arrived: float) -> Detec
 
 def heard(time: float, position: Any, body: Rotation, **more: Any) -> Telemetry:
     """The report of an agent at a place in its own odometry frame."""
-    return Telemetry(
-        time=time,
-        position=np.array([position], float),
-        velocity=np.zeros((1, 3)),
-        attitude=body.as_quat()[None],
-        battery=np.full(1, 4.0),
-        state=np.zeros(1, np.int64),
-        age=more.pop("age", np.zeros(1)),
-        **more,
-    )
+    return report([position], time=time, attitude=body.as_quat()[None], **more)
 
 
 def flow(of: Scene, **options: float) -> Localizer:

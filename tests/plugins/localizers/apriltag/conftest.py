@@ -185,7 +185,7 @@ def _pixels(body: Pose, tag: Tag) -> Array | None:
     """As `seen`, but None for what is far away, and where the lens model folds back."""
     if math.dist(tag.position, body.position) > FARTHEST:
         return None
-    pixels = seen(LENS, body, tag)
+    pixels = seen(body, tag, LENS)
     if pixels is None:
         return None
     place = Pose(rotation_from_quaternion(tag.rotation), np.array(tag.position))
@@ -295,6 +295,20 @@ def flown(
     """Every estimate of a flight, what was heard being changed on its way."""
     heard = ticks(circles, seconds, tags, latency=latency)
     return [made.locate(change(one)) for one in heard]
+
+
+def flight(
+    circle: Circle,
+    tags: Sequence[Tag] = (),
+    *,
+    landmarks: Sequence[Tag] | None = None,
+    camera: Camera | None = CAMERA,
+    change: Change = lambda heard: heard,
+    **options: Any,
+) -> list[Estimate]:
+    """Return every estimate of a flight around a circle over landmarks, some of which are seen."""
+    scene = room([circle], sheets() if landmarks is None else landmarks, camera=camera)
+    return flown(localizer(scene, **options), [circle], circle.time[-1], tags, change=change)
 
 
 def off(estimates: Sequence[Estimate], circle: Circle, row: int = 0) -> Array:

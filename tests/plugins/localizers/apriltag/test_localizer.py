@@ -17,6 +17,7 @@ from tests.plugins.localizers.apriltag.conftest import (
     TICK,
     Circle,
     blank,
+    flight,
     flown,
     localizer,
     marked,
@@ -61,36 +62,36 @@ def finite(estimate: Estimate) -> bool:
 
 def test_it_stays_on_the_truth_though_odometry_drifts() -> None:
     circle = Circle(20, scale=SCALE)
-    estimates = flown(localizer(room([circle], TAGS)), [circle], 20.0, TAGS)
+    estimates = flight(circle, TAGS)
     assert off(estimates, circle)[100:].max() < 0.03
     assert all(e.valid.all() for e in estimates)
 
 
 def test_odometry_continues_without_tags_with_growing_deviation() -> None:
     circle = Circle(10)
-    estimates = flown(localizer(room([circle], TAGS)), [circle], 10.0)
+    estimates = flight(circle)
     assert off(estimates, circle).max() < 1e-3
     assert (np.diff(spread(estimates)[::20]) > 0).all()
 
 
 def test_an_agent_without_a_camera_has_odometry_only() -> None:
     circle = Circle(10, scale=SCALE)
-    blind = flown(localizer(room([circle], TAGS, camera=None)), [circle], 10.0, TAGS)
-    nothing = flown(localizer(room([circle], TAGS)), [circle], 10.0)
+    blind = flight(circle, TAGS, camera=None)
+    nothing = flight(circle)
     assert same(blind, nothing)
     assert (np.diff(spread(blind)[::20]) > 0).all()
 
 
 def test_with_no_tag_of_a_landmark_in_use_it_is_blind() -> None:
     circle = Circle(10, scale=SCALE)
-    blind = flown(localizer(room([circle], TAGS), max_tags_per_landmark=0), [circle], 10.0, TAGS)
-    assert same(blind, flown(localizer(room([circle], TAGS)), [circle], 10.0))
+    blind = flight(circle, TAGS, max_tags_per_landmark=0)
+    assert same(blind, flight(circle))
 
 
 def test_with_one_tag_of_each_landmark_the_others_do_not_matter() -> None:
     circle = Circle(10, scale=SCALE)
-    one = flown(localizer(room([circle], TAGS), max_tags_per_landmark=1), [circle], 10.0, TAGS)
-    fewer = flown(localizer(room([circle], TAGS[::2])), [circle], 10.0, TAGS[::2])
+    one = flight(circle, TAGS, max_tags_per_landmark=1)
+    fewer = flight(circle, TAGS[::2], landmarks=TAGS[::2])
     assert same(one, fewer)
 
 
@@ -139,10 +140,8 @@ def test_where_its_odometry_frame_lies_makes_up_for_drift() -> None:
 )
 def test_an_image_that_shows_nothing_changes_nothing(image: Image) -> None:
     circle = Circle(3)
-    spoilt = flown(
-        localizer(room([circle], TAGS)), [circle], 3.0, change=lambda heard: framed(heard, image)
-    )
-    assert same(spoilt, flown(localizer(room([circle], TAGS)), [circle], 3.0))
+    spoilt = flight(circle, change=lambda heard: framed(heard, image))
+    assert same(spoilt, flight(circle))
 
 
 def test_an_image_that_a_stuck_camera_repeats_is_not_used(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -201,7 +200,7 @@ def unstamped(heard: Telemetry) -> Telemetry:
 
 def test_unstamped_tags_are_dated_back_by_the_latency() -> None:
     circle = Circle(8, scale=SCALE)
-    stamped = flown(localizer(room([circle], TAGS)), [circle], 8.0, TAGS)
+    stamped = flight(circle, TAGS)
     made = localizer(room([circle], TAGS), latency=0.15, latency_std=0.0)
     without = flown(made, [circle], 8.0, TAGS, change=unstamped)
     assert np.abs(off(stamped, circle) - off(without, circle)).max() < 1e-3
@@ -232,10 +231,8 @@ def restamped(by: float, heard: Telemetry) -> Telemetry:
 @pytest.mark.parametrize("by", [-100.0, 100.0, 1e9])
 def test_images_whose_clock_is_wrong_are_excluded(by: float) -> None:
     circle = Circle(4)
-    wrong = flown(
-        localizer(room([circle], TAGS)), [circle], 4.0, TAGS, change=partial(restamped, by)
-    )
-    assert same(wrong, flown(localizer(room([circle], TAGS)), [circle], 4.0))
+    wrong = flight(circle, TAGS, change=partial(restamped, by))
+    assert same(wrong, flight(circle))
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -1e6, 1e9])
@@ -247,7 +244,7 @@ def test_corners_that_make_no_sense_change_nothing(value: float) -> None:
         return replace(heard, detections=replace(found, corners=0 * found.corners + value))
 
     with np.errstate(invalid="ignore"):
-        nonsense = flown(localizer(room([circle], TAGS)), [circle], 4.0, TAGS, change=spoilt)
+        nonsense = flight(circle, TAGS, change=spoilt)
     assert all(finite(estimate) for estimate in nonsense)
     assert off(nonsense, circle).max() < 1e-3
 
@@ -259,8 +256,8 @@ def test_unknown_tags_change_nothing() -> None:
         found = heard.detections
         return replace(heard, detections=replace(found, tag=found.tag + 300))
 
-    wrong = flown(localizer(room([circle], TAGS)), [circle], 4.0, TAGS, change=strange)
-    assert same(wrong, flown(localizer(room([circle], TAGS)), [circle], 4.0))
+    wrong = flight(circle, TAGS, change=strange)
+    assert same(wrong, flight(circle))
 
 
 def test_agents_without_position_reports_keep_their_odom_frame() -> None:
@@ -302,7 +299,7 @@ def test_a_report_that_is_stale_is_not_flown_on() -> None:
 
 def test_estimates_are_invalid_beyond_the_maximum_deviation() -> None:
     circle = Circle(20)
-    estimates = flown(localizer(room([circle], TAGS), max_position_std=0.08), [circle], 20.0)
+    estimates = flight(circle, max_position_std=0.08)
     fit = np.array([e.valid[0] for e in estimates])
     assert np.array_equal(fit, np.array(spread(estimates)) <= 0.08)
     assert fit[0]
@@ -311,7 +308,7 @@ def test_estimates_are_invalid_beyond_the_maximum_deviation() -> None:
 
 def test_covariance_is_bounded_below_by_map_and_start() -> None:
     circle = Circle(10)
-    estimates = flown(localizer(room([circle], TAGS), survey_std=0.05), [circle], 10.0, TAGS)
+    estimates = flight(circle, TAGS, survey_std=0.05)
     least = min(np.linalg.eigvalsh(e.covariance[0, :2, :2])[0] for e in estimates)
     assert least >= 0.9 * 0.05**2 / (len(TAGS) / 2 + 1)
 
@@ -345,15 +342,13 @@ def test_one_agents_estimate_does_not_depend_on_another() -> None:
     one, other = Circle(8, scale=SCALE), Circle(8, seed=3, centre=(6.0, 0.0))
     there = sheets(centre=(6.0, 0.0), first=50)
     both = flown(localizer(room([one, other], TAGS + there)), [one, other], 8.0, TAGS + there)
-    alone = flown(localizer(room([one], TAGS)), [one], 8.0, TAGS)
-    its = flown(localizer(room([other], there)), [other], 8.0, there)
-    assert same(both, alone)
-    assert same(both, its, row=1)
+    assert same(both, flight(one, TAGS))
+    assert same(both, flight(other, there, landmarks=there), row=1)
 
 
 def test_two_flights_are_the_same_to_the_last_bit() -> None:
     circle = Circle(5, seed=1)
-    first, second = (flown(localizer(room([circle], TAGS)), [circle], 5.0, TAGS) for _ in range(2))
+    first, second = (flight(circle, TAGS) for _ in range(2))
     assert same(first, second)
 
 

@@ -8,6 +8,7 @@ from star_core import Odometry, Telemetry
 from tests.plugins.localizers.apriltag.conftest import (
     TICK,
     Circle,
+    flight,
     flown,
     localizer,
     off,
@@ -25,9 +26,9 @@ def silent(heard: Telemetry) -> Telemetry:
 
 def test_agents_without_odometry_are_tracked_by_their_reports() -> None:
     circle = Circle(10)
-    estimates = flown(localizer(room([circle], TAGS)), [circle], 10.0, change=silent)
+    estimates = flight(circle, change=silent)
     assert off(estimates, circle).max() < 0.03  # the first report gives no yaw rate
-    with_tags = flown(localizer(room([circle], TAGS)), [circle], 10.0, TAGS, change=silent)
+    with_tags = flight(circle, TAGS, change=silent)
     assert off(with_tags, circle)[100:].max() < 0.01
 
 
@@ -61,5 +62,5 @@ def test_a_stream_that_ends_is_made_up_for() -> None:
     def until_three(heard: Telemetry) -> Telemetry:
         return heard if heard.time < 3.0 else silent(heard)
 
-    estimates = flown(localizer(room([circle], TAGS)), [circle], 10.0, change=until_three)
+    estimates = flight(circle, change=until_three)
     assert off(estimates, circle).max() < 0.03

@@ -10,9 +10,10 @@ import pytest
 
 from star_core import Agent, PoseFixes
 from star_core.testing import scene
-from star_core.toolkit import quaternion_from_euler, yaw_from_quaternion
+from star_core.toolkit import yaw_from_quaternion
 from star_mocap.forwarding import Forwarding
 from star_mocap.kernel import COLUMNS, HEADING, QX, QZ, TIME, VX
+from tests.plugins.localizers.conftest import fixes
 
 AGENTS = (Agent("cf1", (1.0, 0.0, 0.0), yaw=math.pi / 2), Agent("cf2", (0.0, 0.0, 0.0)))
 
@@ -21,25 +22,16 @@ def forwarding(*, turns: bool = True) -> Forwarding:
     return Forwarding(replace(scene(2), agents=AGENTS), 10.0, turns=turns)
 
 
-def fixes(time: float, *, rows: list[int], yaw: float = math.pi / 2) -> PoseFixes:
-    column = np.ones(len(rows))
-    return PoseFixes(
-        agent=np.array(rows),
-        taken=time * column,
-        arrived=time * column,
-        position=np.array([[1.0, 2.0, 0.8]] * len(rows)),
-        attitude=quaternion_from_euler(0 * column, 0 * column, yaw * column),
-        position_std=0.002 * column,
-        attitude_std=0.001 * column,
-        correlation_time=0 * column,
-    )
+def measured(time: float, *, rows: list[int], yaw: float = math.pi / 2) -> PoseFixes:
+    position = [[1.0, 2.0, 0.8]] * len(rows)
+    return fixes(time, position, agent=rows, yaw=yaw, std=0.001)
 
 
 STILL = np.zeros((2, 3))
 
 
 def test_poses_are_in_the_odometry_frame_of_the_start() -> None:
-    sent = forwarding().corrections(1.0, fixes(1.0, rows=[0]), STILL)
+    sent = forwarding().corrections(1.0, measured(1.0, rows=[0]), STILL)
     assert sent.agent.tolist() == [0]
     assert sent.position[0] == pytest.approx([2.0, 0.0, 0.8])  # ahead of its start
     assert yaw_from_quaternion(sent.attitude) == pytest.approx([0.0], abs=1e-9)
@@ -48,26 +40,26 @@ def test_poses_are_in_the_odometry_frame_of_the_start() -> None:
 
 def test_poses_are_moved_on_to_the_time_at_which_they_are_sent() -> None:
     flying = np.array([[0.0, 0.5, 0.0], [0.0, 0.0, 0.0]])
-    sent = forwarding().corrections(1.1, fixes(1.0, rows=[0]), flying)
+    sent = forwarding().corrections(1.1, measured(1.0, rows=[0]), flying)
     assert sent.position[0] == pytest.approx([2.05, 0.0, 0.8])
 
 
 def test_each_agent_is_sent_its_newest_pose_at_the_rate() -> None:
     plugin = forwarding()
     times = [tick / 20 for tick in range(21)]
-    sent = [plugin.corrections(t, fixes(t, rows=[0, 1]), STILL).agent.tolist() for t in times]
+    sent = [plugin.corrections(t, measured(t, rows=[0, 1]), STILL).agent.tolist() for t in times]
     assert sent == [[0, 1], []] * 10 + [[0, 1]]
 
 
 def test_only_new_measurements_are_sent() -> None:
     plugin = forwarding()
-    assert len(plugin.corrections(1.0, fixes(1.0, rows=[1]), STILL).agent) == 1
+    assert len(plugin.corrections(1.0, measured(1.0, rows=[1]), STILL).agent) == 1
     assert len(plugin.corrections(2.0, PoseFixes.none(), STILL).agent) == 0
 
 
 @pytest.mark.parametrize(("turns", "yaw"), [(False, 0.5), (True, math.nan)])
 def test_positions_without_headings_are_sent_alone(*, turns: bool, yaw: float) -> None:
-    sent = forwarding(turns=turns).corrections(1.0, fixes(1.0, rows=[0], yaw=yaw), STILL)
+    sent = forwarding(turns=turns).corrections(1.0, measured(1.0, rows=[0], yaw=yaw), STILL)
     assert np.isinf(sent.attitude_deviation).all()
     assert np.isfinite(sent.attitude).all()
 

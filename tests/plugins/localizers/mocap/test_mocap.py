@@ -24,9 +24,9 @@ from star_core import (
     load,
 )
 from star_core.testing import scene
-from star_core.toolkit import fill_defaults, quaternion_from_euler
+from star_core.toolkit import fill_defaults
 from star_mocap.odometry import expected_std
-from tests.plugins.localizers.test_flow import report
+from tests.plugins.localizers.conftest import fixes, report
 
 MISSION = """\
 star: 1
@@ -101,20 +101,6 @@ def test_covariances_are_honest_and_bounded(
     assert errors.std().max() < widest
 
 
-def fix(time: float, position: list[float], *, yaw: float = np.nan) -> PoseFixes:
-    column = np.ones(1)
-    return PoseFixes(
-        agent=np.zeros(1, np.int64),
-        taken=time * column,
-        arrived=time * column,
-        position=np.array([position]),
-        attitude=quaternion_from_euler(0 * column, 0 * column, yaw * column),
-        position_std=0.01 * column,
-        attitude_std=0.01 * column,
-        correlation_time=0 * column,
-    )
-
-
 def localizer(**options: Any) -> Localizer:
     offer = Registry().find("localizer", "mocap").offer
     room = replace(scene(1), agents=(Agent("cf1", (1.0, 2.0, 0.8)),))
@@ -122,10 +108,10 @@ def localizer(**options: Any) -> Localizer:
     return plugin
 
 
-def located(plugin: Localizer, fixes: Iterator[PoseFixes]) -> Estimate:
+def located(plugin: Localizer, measured: Iterator[PoseFixes]) -> Estimate:
     """Return the last estimate of an agent that flies along its x at 0.5 m/s, with fixes."""
     velocity = np.array([[0.5, 0.0, 0.0]])
-    for tick, some in enumerate(fixes):
+    for tick, some in enumerate(measured):
         time = tick / 20
         now = report([[0.5 * time, 0, 0.8]], time=time, velocity=velocity, fixes=some)
         estimate = plugin.locate(now)
@@ -133,14 +119,16 @@ def located(plugin: Localizer, fixes: Iterator[PoseFixes]) -> Estimate:
 
 
 def test_late_fixes_count_for_the_time_at_which_they_were_taken() -> None:
-    late = (fix(max(0.0, k / 20 - 0.4), [1 + max(0.0, k / 40 - 0.2), 2, 0.8]) for k in range(200))
+    late = (
+        fixes(max(0.0, k / 20 - 0.4), [[1 + max(0.0, k / 40 - 0.2), 2, 0.8]]) for k in range(200)
+    )
     estimate = located(localizer(), late)
     assert estimate.position[0] == pytest.approx([1 + 0.5 * 199 / 20, 2, 0.8], abs=0.01)
 
 
 def test_a_wrong_start_and_heading_are_corrected() -> None:
-    fixes = (fix(k / 20, [1.1, 1.9 + k / 40, 0.8], yaw=np.pi / 2) for k in range(200))
-    estimate = located(localizer(), fixes)
+    measured = (fixes(k / 20, [[1.1, 1.9 + k / 40, 0.8]], yaw=np.pi / 2) for k in range(200))
+    estimate = located(localizer(), measured)
     assert estimate.position[0] == pytest.approx([1.1, 1.9 + 199 / 40, 0.8], abs=0.02)
     assert estimate.yaw == pytest.approx([np.pi / 2], abs=0.02)
     frames = estimate.map_from_odom.apply(np.array([[0.5 * 199 / 20, 0, 0.8]]))
@@ -149,7 +137,7 @@ def test_a_wrong_start_and_heading_are_corrected() -> None:
 
 def test_without_fixes_the_covariance_grows() -> None:
     plugin = localizer()
-    located(plugin, (fix(k / 20, [1 + k / 40, 2, 0.8]) for k in range(20)))
+    located(plugin, (fixes(k / 20, [[1 + k / 40, 2, 0.8]]) for k in range(20)))
     std = [
         np.sqrt(located(plugin, iter([PoseFixes.none()] * ticks)).covariance[0, 0, 0])
         for ticks in (25, 40, 80)
@@ -160,8 +148,8 @@ def test_without_fixes_the_covariance_grows() -> None:
 
 
 def test_fixes_that_are_not_finite_are_ignored() -> None:
-    fixes = (fix(k / 20, [np.nan if k % 2 else 1 + k / 40, 2, 0.8]) for k in range(40))
-    estimate = located(localizer(), fixes)
+    measured = (fixes(k / 20, [[np.nan if k % 2 else 1 + k / 40, 2, 0.8]]) for k in range(40))
+    estimate = located(localizer(), measured)
     assert estimate.position[0] == pytest.approx([1 + 39 / 40, 2, 0.8], abs=0.02)
 
 

@@ -22,6 +22,7 @@ from star_fleet.natnet import NatNetServer
 from star_mocap.source import Frame, MocapSourceSpec
 from star_mocap.sources import made, natnet, qtm
 from star_mocap.system import CaptureClock, MotionCapture
+from tests.plugins.localizers.conftest import fixes
 from tests.waiting import eventually
 
 QUARTER = math.sqrt(0.5)  # sine and cosine of 45°
@@ -140,20 +141,6 @@ def test_a_bad_recording_is_located(tmp_path: Path, text: str, problem: str) -> 
         connect(tmp_path, source={"replay": {"file": "bodies.csv"}})
 
 
-def fixes(time: float, position: list[list[float]], *, agent: list[int]) -> PoseFixes:
-    column = np.ones(len(agent))
-    return PoseFixes(
-        agent=np.array(agent),
-        taken=time * column,
-        arrived=time * column,
-        position=np.array(position),
-        attitude=np.array([[0.0, 0.0, QUARTER, QUARTER]] * len(agent)),
-        position_std=0 * column,
-        attitude_std=0 * column,
-        correlation_time=0 * column,
-    )
-
-
 @pytest.fixture
 def stream() -> Iterator[Callable[..., Mapping[str, Any]]]:
     """Return a function that streams measurements each 10 ms, and returns how to reach them."""
@@ -184,7 +171,7 @@ def test_natnet_sends_poses_and_their_times(stream: Any) -> None:
     pytest.importorskip("natnet")
 
     def measured(time: float) -> PoseFixes:
-        return fixes(time, [[time, 0, 1]], agent=[0])
+        return fixes(time, [[time, 0, 1]], yaw=math.pi / 2)
 
     system = connect(source={"natnet": stream(measured, delay=0.025)})
     with closing(system):
@@ -199,7 +186,7 @@ def test_natnet_sends_markers_without_names(stream: Any) -> None:
     pytest.importorskip("natnet")
 
     def measured(time: float) -> PoseFixes:
-        return fixes(time, [[0.5, 0, 1], [2, 0, 1]], agent=[-1, -1])
+        return fixes(time, [[0.5, 0, 1], [2, 0, 1]], agent=[-1, -1], yaw=0.0)
 
     frames = natnet.frames(**stream(measured))
     frame = next(frame for frame in frames if frame is not None)

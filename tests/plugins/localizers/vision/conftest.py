@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
+from functools import cache
 
 import cv2
 import numpy as np
-import pytest
 from scipy.spatial.transform import Rotation
 
 from star_apriltag.vision.body_pose import Prediction
@@ -20,12 +20,7 @@ FINE = 4  # by which images are painted larger than they are, along each side
 BLUR, NOISE = 0.7, 4.0  # px and grey values
 INK, PAPER, FLOOR = 35.0, 205.0, 115.0
 
-Paint = Callable[[Pose, Sequence[Tag]], Image]
-
-
-@pytest.fixture(scope="session")
-def lens() -> CameraModel:
-    return CameraModel(Camera())
+LENS = CameraModel(Camera())
 
 
 def turned_model(extra: Array, camera: Camera | None = None) -> CameraModel:
@@ -37,35 +32,36 @@ def turned_model(extra: Array, camera: Camera | None = None) -> CameraModel:
     return CameraModel(replace(camera, roll=roll, pitch=pitch, yaw=yaw))
 
 
-@pytest.fixture(scope="session")
-def paint(lens: CameraModel) -> Paint:
-    """Returns what the default camera sees of tags with their white rims, on a plain floor."""
-    height, width = lens.shape
+@cache
+def fine_rays() -> Array:
+    """Return the rays of the default camera's fine pixels, (FINE H, FINE W, 3)."""
+    height, width = LENS.shape
     v, u = np.mgrid[: height * FINE, : width * FINE]
     pixels = (np.stack([u, v], axis=-1) + 0.5) / FINE - 0.5
-    rays = np.dstack([lens.undistort(pixels), np.ones(u.shape)])
-    family = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
+    return np.dstack([LENS.undistort(pixels), np.ones(u.shape)])
 
-    def painted(body: Pose, tags: Sequence[Tag]) -> Image:
-        camera = body @ lens.mounting
-        image = np.full(u.shape, FLOOR)
-        for tag in tags:
-            bits = cv2.aruco.generateImageMarker(family, tag.id, 8) > 0
-            bits = np.pad(bits, 1, constant_values=True)
-            to_tag = in_map(tag).inverse() @ camera
-            ahead = rays @ to_tag.rotation.T
-            times = -to_tag.position[2] / ahead[..., 2]
-            x, y = ((to_tag.position[i] + times * ahead[..., i]) / tag.size * 8 for i in (0, 1))
-            inside = (np.abs(x) < 5) & (np.abs(y) < 5) & (times > 0)
-            row, column = np.floor(5 - y[inside]).astype(int), np.floor(x[inside] + 5).astype(int)
-            image[inside] = np.where(bits[row, column], PAPER, INK)
-        image = cv2.GaussianBlur(image, (0, 0), BLUR * FINE)
-        image = image.reshape(height, FINE, width, FINE).mean(axis=(1, 3))
-        noise = np.random.default_rng(len(tags)).normal(0, NOISE, image.shape)
-        taken: Image = np.clip(np.rint(image + noise), 0, 255).astype(np.uint8)
-        return taken
 
-    return painted
+def paint(body: Pose, tags: Sequence[Tag]) -> Image:
+    """Return what the default camera sees of tags with their white rims, on a plain floor."""
+    rays, family = fine_rays(), cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
+    camera = body @ LENS.mounting
+    image = np.full(rays.shape[:2], FLOOR)
+    for tag in tags:
+        bits = cv2.aruco.generateImageMarker(family, tag.id, 8) > 0
+        bits = np.pad(bits, 1, constant_values=True)
+        to_tag = in_map(tag).inverse() @ camera
+        ahead = rays @ to_tag.rotation.T
+        times = -to_tag.position[2] / ahead[..., 2]
+        x, y = ((to_tag.position[i] + times * ahead[..., i]) / tag.size * 8 for i in (0, 1))
+        inside = (np.abs(x) < 5) & (np.abs(y) < 5) & (times > 0)
+        row, column = np.floor(5 - y[inside]).astype(int), np.floor(x[inside] + 5).astype(int)
+        image[inside] = np.where(bits[row, column], PAPER, INK)
+    height, width = LENS.shape
+    image = cv2.GaussianBlur(image, (0, 0), BLUR * FINE)
+    image = image.reshape(height, FINE, width, FINE).mean(axis=(1, 3))
+    noise = np.random.default_rng(len(tags)).normal(0, NOISE, image.shape)
+    taken: Image = np.clip(np.rint(image + noise), 0, 255).astype(np.uint8)
+    return taken
 
 
 def in_map(tag: Tag) -> Pose:
@@ -87,7 +83,7 @@ def hovering(
     return Pose(rotation_from_quaternion(turned(roll, pitch, yaw)), np.array([x, y, 0.8]))
 
 
-def seen(lens: CameraModel, body: Pose, tag: Tag) -> Array | None:
+def seen(body: Pose, tag: Tag, lens: CameraModel = LENS) -> Array | None:
     """Returns the (4, 2) corners of a tag, or None if it is not wholly in the image."""
     camera = (body @ lens.mounting).inverse().apply(in_map(tag).apply(square_corners(tag.size)))
     if camera[:, 2].min() < 0.1:

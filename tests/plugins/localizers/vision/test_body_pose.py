@@ -7,11 +7,10 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from star_apriltag.vision.body_pose import AT_REST, Motion, View, refine
-from star_core import Array, Camera, Pose, Tag
-from star_core.toolkit import CameraModel, square_corners
-from tests.plugins.localizers.vision.conftest import hovering, in_map, on_floor
+from star_core import Array, Pose, Tag
+from star_core.toolkit import square_corners
+from tests.plugins.localizers.vision.conftest import LENS, hovering, in_map, on_floor
 
-LENS = CameraModel(Camera())
 LEVEL = hovering()
 TAGS = [on_floor(1, 0.7, -0.105, yaw=0.3), on_floor(2, 0.7, 0.105, yaw=0.3)]
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from star_apriltag.vision.body_pose import Fix, Verdict, judge, surprise, tilt
+from star_core import Pose
 from tests.plugins.localizers.vision.conftest import hovering
 
 SURE = np.zeros((3, 3))
@@ -13,22 +14,20 @@ def fix(x: float = 0.0, y: float = 0.0, yaw: float = 0.0, misfit: float = 1.0) -
     return Fix(hovering(x, y, yaw), np.eye(6), misfit)
 
 
-def test_what_is_expected_is_no_surprise() -> None:
-    assert surprise(hovering(), 1.0, hovering(), SURE) == 0
-
-
-def test_tag_fixes_at_one_metre_have_five_centimetres_deviation() -> None:
-    assert surprise(hovering(x=0.05), 1.0, hovering(), SURE) == pytest.approx(1)
-    assert surprise(hovering(y=0.10), 1.0, hovering(), SURE) == pytest.approx(4)
-
-
-def test_a_fix_is_good_for_two_degrees() -> None:
-    assert surprise(hovering(yaw=math.radians(-6)), 1.0, hovering(), SURE) == pytest.approx(9)
-
-
-def test_a_turn_across_the_back_is_a_small_one() -> None:
-    one, other = hovering(yaw=math.radians(179)), hovering(yaw=math.radians(-179))
-    assert surprise(one, 1.0, other, SURE) == pytest.approx(1)
+@pytest.mark.parametrize(
+    ("pose", "expected", "squared"),
+    [
+        (hovering(), hovering(), 0),
+        (hovering(x=0.05), hovering(), 1),
+        (hovering(y=0.10), hovering(), 4),
+        (hovering(yaw=math.radians(-6)), hovering(), 9),
+        (hovering(yaw=math.radians(179)), hovering(yaw=math.radians(-179)), 1),
+    ],
+)
+def test_a_fix_at_a_metre_is_good_for_five_centimetres_and_two_degrees(
+    pose: Pose, expected: Pose, squared: float
+) -> None:
+    assert surprise(pose, 1.0, expected, SURE) == pytest.approx(squared)
 
 
 def test_surprise_is_measured_along_the_axes_of_the_covariance() -> None:

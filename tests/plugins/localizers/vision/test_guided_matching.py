@@ -16,11 +16,10 @@ from star_apriltag.vision.detector import Detector
 from star_apriltag.vision.expected_tags import ExpectedTags
 from star_apriltag.vision.guided_matching import TagMatch, _peak, match_tag
 from star_apriltag.vision.tag_poses import MapTag
-from star_core import Array, Camera, Image, Pose, Tag
-from star_core.toolkit import CameraModel, rotation_from_vector
-from tests.plugins.localizers.vision.conftest import Paint, hovering, on_floor, predicted
+from star_core import Array, Image, Pose, Tag
+from star_core.toolkit import rotation_from_vector
+from tests.plugins.localizers.vision.conftest import LENS, hovering, on_floor, paint, predicted
 
-LENS = CameraModel(Camera())
 BODY = hovering(yaw=0.1)
 FAR = on_floor(1, 1.9, 0.2, yaw=0.5)
 SURE = {"deviation": 0.03, "yaw_deviation": 0.01}
@@ -50,20 +49,18 @@ def off(by: Sequence[float], yaw: float = 0.0) -> Prediction:
 
 
 @pytest.fixture(scope="module")
-def far(paint: Paint) -> Image:
+def far() -> Image:
     return paint(BODY, [FAR])
 
 
 @pytest.fixture(scope="module")
-def floor(paint: Paint) -> Image:
+def floor() -> Image:
     return paint(BODY, [])
 
 
 @pytest.mark.parametrize("distance", [1.9, 2.1, 2.4])
 @pytest.mark.parametrize("yaw", [0.0, 0.7, 2.5])
-def test_a_tag_out_of_the_detectors_range_is_found(
-    paint: Paint, distance: float, yaw: float
-) -> None:
+def test_a_tag_out_of_the_detectors_range_is_found(distance: float, yaw: float) -> None:
     tag = on_floor(40, distance, 0.2, yaw)
     image = paint(BODY, [tag])
     assert not len(Detector(LENS).detect(image).tag)
@@ -81,7 +78,7 @@ def test_what_is_found_is_a_measurement_of_the_tags_centre(far: Image) -> None:
     np.testing.assert_allclose(match.view.delay, [LENS.row_delay(match.pixel)])
 
 
-def test_a_farther_tag_is_measured_less_surely(paint: Paint, far: Image) -> None:
+def test_a_farther_tag_is_measured_less_surely(far: Image) -> None:
     near = on_floor(1, 1.2, 0.1)
     matches = guided(paint(BODY, [near]), near), guided(far, FAR)
     deviations = [match.view.deviation for match in matches if match is not None]
@@ -95,17 +92,17 @@ def test_a_covered_tag_is_not_found(floor: Image) -> None:
 
 @pytest.mark.parametrize("number", range(2, 12))
 @pytest.mark.parametrize("x", [1.2, 1.9])
-def test_another_tag_at_its_position_is_not_matched(paint: Paint, x: float, number: int) -> None:
+def test_another_tag_at_its_position_is_not_matched(x: float, number: int) -> None:
     image = paint(BODY, [on_floor(number, x, 0.2, yaw=0.5)])
     assert guided(image, on_floor(1, x, 0.2, yaw=0.5)) is None
 
 
-def test_its_neighbour_on_the_sheet_is_not_taken_for_it(paint: Paint) -> None:
+def test_its_neighbour_on_the_sheet_is_not_taken_for_it() -> None:
     image = paint(BODY, [on_floor(2, 1.9, 0.41)])
     assert guided(image, on_floor(1, 1.9, 0.2), off([0, 0.1, 0])) is None
 
 
-def test_between_two_tags_that_look_the_same_none_is_chosen(paint: Paint) -> None:
+def test_between_two_tags_that_look_the_same_none_is_chosen() -> None:
     left, right, between = (on_floor(1, 1.9, y) for y in (0.31, 0.09, 0.2))
     wide = predicted(BODY, deviation=0.1, yaw_deviation=0.03)
     for alone in (left, right):
@@ -113,23 +110,26 @@ def test_between_two_tags_that_look_the_same_none_is_chosen(paint: Paint) -> Non
     assert guided(paint(BODY, [left, right]), between, wide) is None
 
 
-@pytest.mark.parametrize("period", [4, 6, 9])
-def test_in_a_repeated_texture_nothing_is_found(period: int) -> None:
-    v, u = np.mgrid[: LENS.shape[0], : LENS.shape[1]]
-    squares = np.where((u // period + v // period) % 2, 205, 35).astype(np.uint8)
-    assert guided(squares, FAR) is None
+def checkered(period: int) -> Image:
+    v, u = np.indices(LENS.shape)
+    return np.where((u // period + v // period) % 2, 205, 35).astype(np.uint8)
 
 
-@pytest.mark.parametrize("seed", range(8))
-def test_in_a_rough_texture_nothing_is_found(seed: int) -> None:
+def rough(seed: int) -> Image:
     grains = np.random.default_rng(seed).integers(0, 256, (61, 81), np.uint8)
-    image = np.kron(grains, np.ones((4, 4), np.uint8))
+    return np.kron(grains, np.ones((4, 4), np.uint8))
+
+
+@pytest.mark.parametrize(
+    "image",
+    [
+        *map(checkered, (4, 6, 9)),
+        *map(rough, range(8)),
+        *(np.full(LENS.shape, gray, np.uint8) for gray in (0, 115, 255)),
+    ],
+)
+def test_in_another_texture_nothing_is_found(image: Image) -> None:
     assert guided(image, FAR) is None
-
-
-@pytest.mark.parametrize("grey", [0, 115, 255])
-def test_without_contrast_nothing_is_found(grey: int) -> None:
-    assert guided(np.full(LENS.shape, grey, np.uint8), FAR) is None
 
 
 def test_noise_in_the_dark_is_no_tag(far: Image) -> None:
@@ -154,7 +154,7 @@ def test_tags_farther_off_than_the_belief_allows_do_not_match(far: Image) -> Non
     assert guided(far, replace(FAR, position=(1.9, 0.25, 0.0))) is not None
 
 
-def test_a_tag_at_the_images_edge_is_found_by_what_is_seen_of_it(paint: Paint) -> None:
+def test_a_tag_at_the_images_edge_is_found_by_what_is_seen_of_it() -> None:
     cut = on_floor(1, 0.85, 1.25)
     assert 0 < centre(cut)[0] < 15  # px: its rim is out
     match = guided(paint(BODY, [cut]), cut)
@@ -162,13 +162,13 @@ def test_a_tag_at_the_images_edge_is_found_by_what_is_seen_of_it(paint: Paint) -
     np.testing.assert_allclose(match.pixel, centre(cut), atol=0.7)
 
 
-def test_a_tag_of_which_too_little_is_in_the_image_is_not_found(paint: Paint) -> None:
+def test_a_tag_of_which_too_little_is_in_the_image_is_not_found() -> None:
     cut = on_floor(1, 0.85, 1.35)
     assert 0 < centre(cut)[0] < 5  # px
     assert guided(paint(BODY, [cut]), cut) is None
 
 
-def test_a_tag_that_fills_the_image_is_not_matched(paint: Paint) -> None:
+def test_a_tag_that_fills_the_image_is_not_matched() -> None:
     small, large = (on_floor(1, 0.8, 0.1, size=size) for size in (0.3, 0.7))
     assert guided(paint(BODY, [small]), small) is not None
     assert guided(paint(BODY, [large]), large) is None

@@ -12,11 +12,12 @@ from star_apriltag.vision.tag_poses import corner_std
 from star_core import Array, Camera, Pose, Rows, Tag
 from star_core.toolkit import CameraModel, rotation_from_vector
 from tests.plugins.localizers.vision.conftest import (
-    Paint,
+    LENS,
     hovering,
     in_map,
     on_floor,
     on_wall,
+    paint,
     predicted,
     seen,
     turned_model,
@@ -30,21 +31,21 @@ def eye(tags: Sequence[Tag]) -> ImageAnalyzer:
     return ImageAnalyzer(Camera(), tags, {TARGET.id: TARGET.size}, guided_matching=True)
 
 
-def table(lens: CameraModel, body: Pose, tags: Sequence[Tag]) -> tuple[Rows, Array]:
-    corners = [seen(lens, body, tag) for tag in tags]
+def table(body: Pose, tags: Sequence[Tag], lens: CameraModel = LENS) -> tuple[Rows, Array]:
+    corners = [seen(body, tag, lens) for tag in tags]
     assert all(c is not None for c in corners)
     return np.array([tag.id for tag in tags]), np.array(corners)
 
 
-def considered(lens: CameraModel, body: Pose, tags: Sequence[Tag]) -> ImageAnalysis:
-    return eye(LANDMARKS).evaluate(*table(lens, body, tags), predicted(body))
+def considered(body: Pose, tags: Sequence[Tag]) -> ImageAnalysis:
+    return eye(LANDMARKS).evaluate(*table(body, tags), predicted(body))
 
 
 def verdicts(look: ImageAnalysis) -> list[Verdict]:
     return [landmark.verdict for landmark in look.landmarks]
 
 
-def test_an_image_of_landmarks_gives_the_pose_of_the_body(paint: Paint) -> None:
+def test_an_image_of_landmarks_gives_the_pose_of_the_body() -> None:
     body = hovering(0.05, -0.1, yaw=0.2, pitch=0.05)
     expected = predicted(body)
     off = replace(
@@ -57,64 +58,64 @@ def test_an_image_of_landmarks_gives_the_pose_of_the_body(paint: Paint) -> None:
     assert look.fix.pose.yaw == pytest.approx(body.yaw, abs=math.radians(0.7))
 
 
-def test_an_empty_image_gives_nothing(lens: CameraModel) -> None:
-    look = eye(LANDMARKS).analyze(np.zeros(lens.shape, np.uint8), predicted(hovering()))
+def test_an_empty_image_gives_nothing() -> None:
+    look = eye(LANDMARKS).analyze(np.zeros(LENS.shape, np.uint8), predicted(hovering()))
     assert look == ImageAnalysis()
 
 
-def test_two_tags_that_were_taken_for_each_other_are_turned_away(lens: CameraModel) -> None:
+def test_two_tags_that_were_taken_for_each_other_are_turned_away() -> None:
     far = [LANDMARKS[0], on_floor(2, -1.0, 1.0)]
-    _, corners = table(lens, hovering(), LANDMARKS)
+    _, corners = table(hovering(), LANDMARKS)
     look = eye(far).evaluate(np.array([2, 1]), corners, predicted(hovering()))
     assert verdicts(look) == [Verdict.ELSEWHERE, Verdict.ACCEPTED] or not look.accepted
     assert not [s for s in look.accepted if s.tag == 2]
 
 
-def test_a_wrong_number_among_right_ones_does_not_move_the_fix(lens: CameraModel) -> None:
+def test_a_wrong_number_among_right_ones_does_not_move_the_fix() -> None:
     known = [*LANDMARKS, on_floor(3, -1.4, 1.4)]
-    _, corners = table(lens, hovering(), LANDMARKS)
+    _, corners = table(hovering(), LANDMARKS)
     look = eye(known).evaluate(np.array([1, 3]), corners, predicted(hovering()))
     assert verdicts(look) == [Verdict.ACCEPTED, Verdict.ELSEWHERE]
     assert look.fix is not None
     np.testing.assert_allclose(look.fix.pose.position, hovering().position, atol=1e-4)
 
 
-def test_the_more_surprising_of_inconsistent_tags_is_rejected(lens: CameraModel) -> None:
+def test_the_more_surprising_of_inconsistent_tags_is_rejected() -> None:
     known = [*LANDMARKS, on_floor(3, 0.7, -0.315, yaw=0.3)]  # as near to 1 as 2 is
-    _, corners = table(lens, hovering(), LANDMARKS)
+    _, corners = table(hovering(), LANDMARKS)
     look = eye(known).evaluate(np.array([1, 3]), corners, predicted(hovering(), deviation=0.3))
     assert verdicts(look) == [Verdict.ACCEPTED, Verdict.INCONSISTENT]
     assert look.fix is not None
     np.testing.assert_allclose(look.fix.pose.position, hovering().position, atol=1e-4)
 
 
-def test_tags_with_two_centimetres_of_map_error_are_accepted(lens: CameraModel) -> None:
+def test_tags_with_two_centimetres_of_map_error_are_accepted() -> None:
     known = [on_floor(1, 0.72, -0.105, yaw=0.3), on_floor(2, 0.7, 0.125, yaw=0.33)]
-    look = eye(known).evaluate(*table(lens, hovering(), LANDMARKS), predicted(hovering()))
+    look = eye(known).evaluate(*table(hovering(), LANDMARKS), predicted(hovering()))
     assert verdicts(look) == [Verdict.ACCEPTED] * 2
 
 
-def test_an_agent_that_is_elsewhere_is_still_found(lens: CameraModel) -> None:
+def test_an_agent_that_is_elsewhere_is_still_found() -> None:
     body = hovering(yaw=0.1)
     lost = replace(predicted(body), pose=hovering(1.0, 0.4, yaw=0.5))
-    look = eye(LANDMARKS).evaluate(*table(lens, body, LANDMARKS), lost)
+    look = eye(LANDMARKS).evaluate(*table(body, LANDMARKS), lost)
     assert verdicts(look) == [Verdict.ELSEWHERE] * 2
     assert look.fix is None
     assert look.other is not None
     np.testing.assert_allclose(look.other.pose.position, body.position, atol=1e-4)
 
 
-def test_inconsistent_tags_far_from_the_prediction_give_no_pose(lens: CameraModel) -> None:
+def test_inconsistent_tags_far_from_the_prediction_give_no_pose() -> None:
     moved = [on_floor(1, -1.0, 0.3), on_floor(2, 1.5, 1.0, yaw=2.0)]
-    look = eye(moved).evaluate(*table(lens, hovering(), LANDMARKS), predicted(hovering()))
+    look = eye(moved).evaluate(*table(hovering(), LANDMARKS), predicted(hovering()))
     assert verdicts(look) == [Verdict.ELSEWHERE] * 2
     assert look.other is None
 
 
-def test_poses_contradicting_the_on_board_tilt_are_rejected(lens: CameraModel) -> None:
+def test_poses_contradicting_the_on_board_tilt_are_rejected() -> None:
     body = hovering()
     wrong = replace(predicted(body), pose=hovering(roll=math.radians(40)))
-    look = eye(LANDMARKS).evaluate(*table(lens, body, LANDMARKS), wrong)
+    look = eye(LANDMARKS).evaluate(*table(body, LANDMARKS), wrong)
     assert verdicts(look) == [Verdict.TILTED] * 2
 
 
@@ -125,14 +126,14 @@ def test_corners_that_are_no_square_are_turned_away() -> None:
     assert look.fix is None
 
 
-def test_a_tag_with_an_unknown_number_is_ignored(lens: CameraModel) -> None:
-    look = considered(lens, hovering(), [on_floor(77, 0.7, 0.0)])
+def test_a_tag_with_an_unknown_number_is_ignored() -> None:
+    look = considered(hovering(), [on_floor(77, 0.7, 0.0)])
     assert not look.landmarks
     assert not look.targets
 
 
 @pytest.mark.parametrize("wall", [False, True])
-def test_the_right_one_of_two_solutions_is_chosen(lens: CameraModel, wall: bool) -> None:  # noqa: FBT001
+def test_the_right_one_of_two_solutions_is_chosen(wall: bool) -> None:  # noqa: FBT001
     rng = np.random.default_rng(0)
     right = count = 0
     while count < 250:
@@ -143,7 +144,7 @@ def test_the_right_one_of_two_solutions_is_chosen(lens: CameraModel, wall: bool)
         tag = on_floor(1, x, y, yaw=9 * side)
         if wall:
             tag = on_wall(1, x, y, height, facing=way + math.pi + side)
-        corners = seen(lens, body, tag)
+        corners = seen(body, tag)
         distance = float(np.linalg.norm(body.position - tag.position))
         if corners is None or distance > 1.5:
             continue
@@ -166,33 +167,33 @@ def test_a_camera_that_is_turned_in_its_mounting_is_understood() -> None:
     extra = rotation_from_vector(np.radians([2.0, -3.0, 4.0]))
     turned = turned_model(extra.T)
     expected = replace(predicted(body), camera_turn=extra)
-    look = eye(LANDMARKS).evaluate(*table(turned, body, LANDMARKS), expected)
+    look = eye(LANDMARKS).evaluate(*table(body, LANDMARKS, turned), expected)
     assert look.fix is not None
     np.testing.assert_allclose(look.fix.pose.position, body.position, atol=1e-4)
 
 
-def test_a_landmark_comes_with_what_an_estimator_needs(lens: CameraModel) -> None:
-    tags, corners = table(lens, hovering(), LANDMARKS)
+def test_a_landmark_comes_with_what_an_estimator_needs() -> None:
+    tags, corners = table(hovering(), LANDMARKS)
     first, _ = eye(LANDMARKS).evaluate(tags, corners, predicted(hovering())).landmarks
     assert first.view is not None
-    np.testing.assert_allclose(first.view.rays, lens.undistort(corners[0]))
+    np.testing.assert_allclose(first.view.rays, LENS.undistort(corners[0]))
     np.testing.assert_allclose(first.view.points.mean(axis=0), LANDMARKS[0].position, atol=1e-12)
-    np.testing.assert_allclose(first.view.delay, lens.row_delay(corners[0]))
-    camera = (hovering() @ lens.mounting).position
+    np.testing.assert_allclose(first.view.delay, LENS.row_delay(corners[0]))
+    camera = (hovering() @ LENS.mounting).position
     expected = float(np.linalg.norm(camera - LANDMARKS[0].position))
     assert first.distance == pytest.approx(expected, rel=1e-4)
-    pixels = first.view.deviation * float(lens.magnification(first.view.rays.mean(axis=0)))
+    pixels = first.view.deviation * float(LENS.magnification(first.view.rays.mean(axis=0)))
     assert pixels == pytest.approx(corner_std(expected, 0.168), rel=1e-3)
 
 
 @pytest.mark.parametrize("target", [TARGET, on_wall(9, 0.9, 0.2, 0.4, 2.7)])
-def test_the_error_of_a_target_agrees_with_its_covariance(lens: CameraModel, target: Tag) -> None:
+def test_the_error_of_a_target_agrees_with_its_covariance(target: Tag) -> None:
     rng = np.random.default_rng(1)
     body = hovering(yaw=0.2)
     expected = body.inverse() @ in_map(target)
-    clean = seen(lens, body, target)
+    clean = seen(body, target)
     assert clean is not None
-    distance = float(np.linalg.norm((body @ lens.mounting).position - target.position))
+    distance = float(np.linalg.norm((body @ LENS.mounting).position - target.position))
     squares = []
     for _ in range(150):
         noisy = clean + rng.normal(0, corner_std(distance, target.size), (4, 2))
@@ -205,10 +206,10 @@ def test_the_error_of_a_target_agrees_with_its_covariance(lens: CameraModel, tar
     assert np.mean(squares) == pytest.approx(3, abs=1.0)
 
 
-def test_a_target_on_the_floor_is_not_taken_for_one_on_a_wall(lens: CameraModel) -> None:
+def test_a_target_on_the_floor_is_not_taken_for_one_on_a_wall() -> None:
     rng = np.random.default_rng(2)
     body, expected = hovering(), hovering().inverse() @ in_map(TARGET)
-    clean = seen(lens, body, TARGET)
+    clean = seen(body, TARGET)
     assert clean is not None
     for _ in range(100):
         noisy = clean + rng.normal(0, 0.3, (4, 2))
@@ -224,7 +225,7 @@ def sure(body: Pose) -> Prediction:
     return predicted(body, deviation=0.03, yaw_deviation=0.01)
 
 
-def test_tags_that_are_not_detected_are_found_by_guidance(paint: Paint) -> None:
+def test_tags_that_are_not_detected_are_found_by_guidance() -> None:
     body = hovering()
     look = eye([*LANDMARKS, *FAR]).analyze(paint(body, [*LANDMARKS, *FAR]), sure(body))
     assert {seen.tag for seen in look.accepted} == {1, 2}
@@ -232,20 +233,20 @@ def test_tags_that_are_not_detected_are_found_by_guidance(paint: Paint) -> None:
     assert [len(view.points) for _, view in look.views] == [4, 4, 1, 1]
 
 
-def test_guidance_can_be_done_without(paint: Paint) -> None:
+def test_guidance_can_be_done_without() -> None:
     body = hovering()
     unguided = ImageAnalyzer(Camera(), FAR, {}, guided_matching=False)
     assert unguided.analyze(paint(body, FAR), sure(body)) == ImageAnalysis()
 
 
-def test_without_an_image_there_is_no_guided_matching(lens: CameraModel) -> None:
-    tags, corners = table(lens, hovering(), LANDMARKS)
+def test_without_an_image_there_is_no_guided_matching() -> None:
+    tags, corners = table(hovering(), LANDMARKS)
     look = eye([*LANDMARKS, *FAR]).evaluate(tags, corners, sure(hovering()))
     assert look.matches == ()
     assert len(look.views) == 2
 
 
-def test_predictions_contradicted_by_all_tags_guide_no_matching(paint: Paint) -> None:
+def test_predictions_contradicted_by_all_tags_guide_no_matching() -> None:
     body, moved = hovering(), on_floor(1, 1.4, -0.9)
     image = paint(body, [LANDMARKS[0], *FAR])
     assert len(eye(FAR).analyze(image, sure(body)).matches) == 2
@@ -254,7 +255,7 @@ def test_predictions_contradicted_by_all_tags_guide_no_matching(paint: Paint) ->
     assert look.views == ()
 
 
-def test_one_wrong_number_among_right_ones_leaves_guidance_on(paint: Paint) -> None:
+def test_one_wrong_number_among_right_ones_leaves_guidance_on() -> None:
     body, moved = hovering(), on_floor(1, -1.4, -0.9)
     look = eye([moved, LANDMARKS[1], *FAR]).analyze(paint(body, [*LANDMARKS, *FAR]), sure(body))
     assert verdicts(look) in (

@@ -16,7 +16,7 @@ from star_apriltag.vision.quads import dark_quads
 from star_apriltag.vision.tag_code import MIN_CORRELATION, module_grid, read_codes
 from star_core import Array, Camera, Image, Tag
 from star_core.toolkit import CameraModel
-from tests.plugins.localizers.vision.conftest import Paint, hovering, on_floor, seen
+from tests.plugins.localizers.vision.conftest import LENS, hovering, on_floor, paint, seen
 
 FAMILY = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
 PHOTOS = os.environ.get("STAR_TAG_PHOTOS")
@@ -33,12 +33,12 @@ def small() -> list[Tag]:
 
 
 @pytest.fixture(scope="module")
-def image(paint: Paint, small: list[Tag]) -> Image:
+def image(small: list[Tag]) -> Image:
     return paint(hovering(), small)
 
 
 def lens_of(image: Image) -> CameraModel:
-    """A lens without distortion for an image of any size."""
+    """A LENS without distortion for an image of any size."""
     height, width = image.shape
     matrix = (float(width), float(width), width / 2, height / 2)
     return CameraModel(
@@ -56,15 +56,13 @@ def opencv(image: Image) -> list[int]:
     return [int(tag) for tag in np.ravel(tags)] if len(quads) else []
 
 
-def test_tags_of_eleven_to_seventeen_pixels_are_found(
-    lens: CameraModel, small: list[Tag], image: Image
-) -> None:
-    expected = {tag.id: seen(lens, hovering(), tag) for tag in small}
+def test_tags_of_eleven_to_seventeen_pixels_are_found(small: list[Tag], image: Image) -> None:
+    expected = {tag.id: seen(hovering(), tag) for tag in small}
     edges = np.array([sides(pixels).mean() for pixels in expected.values() if pixels is not None])
     assert len(edges) == len(small)
     assert edges.min() == pytest.approx(11, abs=1)
     assert edges.max() == pytest.approx(16.5, abs=1)
-    found = Detector(lens).detect(image)
+    found = Detector(LENS).detect(image)
     assert sorted(found.tag.tolist()) == sorted(expected)
     assert len(opencv(image)) < len(small)
     errors = [
@@ -94,14 +92,14 @@ def test_a_small_tag_is_found_in_a_large_image(image: Image) -> None:
     assert len(Detector(lens_of(wide)).detect(wide).tag) == 12
 
 
-def test_a_tag_is_reported_once(lens: CameraModel, paint: Paint) -> None:
+def test_a_tag_is_reported_once() -> None:
     picture = paint(hovering(), [on_floor(5, 0.6, 0.0, size=0.3)])  # found in two resolutions
-    assert Detector(lens).detect(picture).tag.tolist() == [5]
+    assert Detector(LENS).detect(picture).tag.tolist() == [5]
 
 
-def test_the_same_number_can_be_seen_twice(lens: CameraModel, paint: Paint) -> None:
+def test_the_same_number_can_be_seen_twice() -> None:
     twins = [on_floor(5, 0.6, -0.1, size=0.1), on_floor(5, 0.6, 0.1, size=0.1)]
-    assert Detector(lens).detect(paint(hovering(), twins)).tag.tolist() == [5, 5]
+    assert Detector(LENS).detect(paint(hovering(), twins)).tag.tolist() == [5, 5]
 
 
 @pytest.mark.parametrize("turns", range(4))

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-import pytest
 
-from star_core import Agent, Array, Command, Obstacle, Order, Setpoint, Supervisor, Telemetry
+from star_core import Agent, Array, Command, Obstacle, Order, Setpoint, Supervisor
 from star_core.testing import scene
 from tests.simulators import ideal_simulator
 
@@ -36,17 +35,16 @@ class Flight:
             agents=tuple(Agent(f"cf{i + 1}", place, yaw) for i, place in enumerate(places)),
             world=dataclasses.replace(room.world, obstacles=obstacles),
         )
-        self.simulator = ideal_simulator(room, noise=noise, **options)
+        self.simulator: Any = ideal_simulator(room, noise=noise, **options)
         self.simulator.connect()
         self.n, self.period, self.ticks = len(places), room.period, 0
-        self.telemetry = self.simulator.receive()
+        self.telemetry: Any = self.simulator.receive()
 
     @property
     def position(self) -> Array:
         """True positions, (N, 3)."""
-        truth = self.simulator.truth()
-        assert truth is not None
-        return truth.position
+        position: Array = self.simulator.truth().position
+        return position
 
     def state(self, row: int = 0) -> Supervisor:
         return Supervisor(int(self.telemetry.state[row]))
@@ -91,8 +89,8 @@ class Flight:
         *,
         yaw: float = 0.0,
         rows: Sequence[int] | None = None,
-    ) -> list[Telemetry]:
-        """Tick for some time, sending a velocity in each tick if there is one."""
+    ) -> list[Any]:
+        """Return the telemetry of some time, in which a velocity is sent in each tick if given."""
         heard = []
         active = np.isin(np.arange(self.n), np.arange(self.n) if rows is None else rows)
         for _ in range(round(seconds / self.period)):
@@ -106,6 +104,8 @@ class Flight:
         return heard
 
 
-@pytest.fixture(scope="session")  # it keeps nothing: each call makes another swarm
-def start() -> Callable[..., Flight]:
-    return Flight
+def hovering(n: int = 1, *, height: float = 0.8, **options: Any) -> Flight:
+    """Return a swarm that has taken off, and hovers."""
+    flight = Flight(n, **options)
+    flight.rise(height)
+    return flight

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -28,11 +27,14 @@ from star_sim.contact import SWEEP
 from star_sim.drone import OFF, VELOCITY, standing
 from star_sim.error_profile import IDEAL, REALISTIC
 from star_sim.powertrain import DRAG
-
-Flying = Callable[..., Any]
+from tests.plugins.transports.star_sim.conftest import Flight, hovering
 
 # The kernel of the default options, which need not be compiled for these tests alone.
-AIR = {"controller": "pid", "noise": True, "profile": replace(REALISTIC, report_loss=0.0)}
+AIR: dict[str, Any] = {
+    "controller": "pid",
+    "noise": True,
+    "profile": replace(REALISTIC, report_loss=0.0),
+}
 WEIGHT = MASS * GRAVITY
 MOTOR_DISTANCE = 0.092  # m
 
@@ -85,8 +87,8 @@ def test_downwash_reaches_all_drones_below_in_any_order() -> None:
         assert load == pytest.approx(expected), row
 
 
-def test_a_drone_below_another_needs_more_thrust(start: Flying) -> None:
-    flight = start(2, at=[(0, 0, 0), (2, 0, 0)], **AIR)
+def test_a_drone_below_another_needs_more_thrust() -> None:
+    flight = Flight(2, at=[(0, 0, 0), (2, 0, 0)], **AIR)
     flight.order(Order.TAKEOFF, (0.0, 0.0, 1.6), rows=[0])
     flight.order(Order.TAKEOFF, (0.0, 0.0, 1.0), rows=[1])
     flight.fly(4.0)
@@ -111,10 +113,9 @@ def test_what_is_below_carries_a_part_of_the_thrust() -> None:
     assert drones["velocity"] == pytest.approx(np.array([[0, 0, rise], [0, 0, 0]]))
 
 
-def test_a_drone_leans_into_the_wind(start: Flying) -> None:
+def test_a_drone_leans_into_the_wind() -> None:
     wind = {"velocity": [2.0, 0.0, 0.0], "gusts": 0.0, "gust_time": 1.0}
-    flight = start(wind=wind, **AIR)
-    flight.rise()
+    flight = hovering(wind=wind, **AIR)
     flight.fly(6.0, np.zeros(3))
     tilts, speeds = [], []
     for _ in range(40):
@@ -126,8 +127,8 @@ def test_a_drone_leans_into_the_wind(start: Flying) -> None:
     assert np.mean(tilts) == pytest.approx(expected, rel=0.05)
 
 
-def test_wind_does_not_move_a_drone_on_the_ground(start: Flying) -> None:
-    flight = start(wind={"velocity": [5.0, 0.0, 0.0], "gusts": 1.0, "gust_time": 1.0}, **AIR)
+def test_wind_does_not_move_a_drone_on_the_ground() -> None:
+    flight = Flight(wind={"velocity": [5.0, 0.0, 0.0], "gusts": 1.0, "gust_time": 1.0}, **AIR)
     before = flight.position.copy()
     flight.fly(2.0)
     assert np.array_equal(flight.position, before)
@@ -153,10 +154,9 @@ def test_gusts_depend_on_the_seed_and_the_agent_alone() -> None:
     assert np.array_equal(gusts(7, 1, (64, 64)), gusts(7, 1))
 
 
-def test_setpoints_are_lost_agent_by_agent(start: Flying) -> None:
+def test_setpoints_are_lost_agent_by_agent() -> None:
     lossy = replace(IDEAL, setpoint_loss=0.3)
-    flight = start(20, noise=True, profile=lossy, at=[(float(i), 0, 0) for i in range(20)])
-    flight.rise()
+    flight = hovering(20, noise=True, profile=lossy, at=[(float(i), 0, 0) for i in range(20)])
     received = []
     for _ in range(100):
         flight.fly(0.05, np.zeros(3))

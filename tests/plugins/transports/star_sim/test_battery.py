@@ -10,30 +10,22 @@ import pytest
 
 from star_core import Order, Run
 from star_sim import airframe, battery, discharge
-
-Flying = Callable[..., Any]
-
-
-def test_a_full_battery_hovers_for_about_seven_minutes(start: Flying) -> None:
-    flight = start(rate=1.0)
-    flight.rise()
-    before = flight.simulator.drones["charge"][0]
-    flight.fly(42.0)
-    used = before - flight.simulator.drones["charge"][0]
-    assert used == pytest.approx(42 / 420, rel=0.02)
+from star_sim.discharge import HOVER_TIME
+from tests.plugins.transports.star_sim.conftest import Flight, hovering
 
 
-def test_how_long_a_battery_hovers_is_an_option(start: Flying) -> None:
-    flight = start(rate=1.0, endurance=210.0)
-    flight.rise()
+@pytest.mark.parametrize(
+    ("options", "endurance"), [({}, HOVER_TIME), ({"endurance": 210.0}, 210.0)]
+)
+def test_a_full_battery_hovers_for_its_endurance(options: dict[str, Any], endurance: float) -> None:
+    flight = hovering(rate=1.0, **options)
     before = flight.simulator.drones["charge"][0]
     flight.fly(21.0)
-    assert before - flight.simulator.drones["charge"][0] == pytest.approx(21 / 210, rel=0.02)
+    assert before - flight.simulator.drones["charge"][0] == pytest.approx(21 / endurance, rel=0.02)
 
 
-def test_agents_standing_for_the_swap_time_get_a_new_battery(start: Flying) -> None:
-    flight = start(endurance=30.0, swap_time=5.0)
-    flight.rise()
+def test_agents_standing_for_the_swap_time_get_a_new_battery() -> None:
+    flight = hovering(endurance=30.0, swap_time=5.0)
     flight.order(Order.LAND, duration=3.0)
     flight.fly(4.0)
     used = flight.simulator.drones["charge"][0]
@@ -44,23 +36,21 @@ def test_agents_standing_for_the_swap_time_get_a_new_battery(start: Flying) -> N
     assert flight.simulator.drones["charge"][0] > 0.99
 
 
-def test_no_agent_changes_batteries_by_default(start: Flying) -> None:
-    flight = start(endurance=30.0)
-    flight.rise()
+def test_no_agent_changes_batteries_by_default() -> None:
+    flight = hovering(endurance=30.0)
     flight.order(Order.LAND, duration=3.0)
     flight.fly(60.0)
     assert flight.simulator.drones["charge"][0] < 0.9
 
 
-def test_batteries_are_not_swapped_in_flight(start: Flying) -> None:
-    flight = start(endurance=60.0, swap_time=0.1)
-    flight.rise()
+def test_batteries_are_not_swapped_in_flight() -> None:
+    flight = hovering(endurance=60.0, swap_time=0.1)
     flight.fly(5.0)
     assert flight.simulator.drones["charge"][0] < 0.9
 
 
-def test_voltage_falls_with_charge_and_sags_under_load(start: Flying) -> None:
-    flight = start()
+def test_voltage_falls_with_charge_and_sags_under_load() -> None:
+    flight = Flight()
     flight.fly(0.1)
     rest = flight.telemetry.battery[0]
     flight.rise()
@@ -70,17 +60,15 @@ def test_voltage_falls_with_charge_and_sags_under_load(start: Flying) -> None:
     assert flight.telemetry.battery[0] < hover - 0.02
 
 
-def test_an_empty_battery_brings_the_drone_down(start: Flying) -> None:
-    flight = start(battery=0.02)
-    flight.rise()
+def test_an_empty_battery_brings_the_drone_down() -> None:
+    flight = hovering(battery=0.02)
     assert flight.position[0, 2] == pytest.approx(0.8, abs=0.03)
     flight.fly(12.0)
     assert flight.position[0, 2] == 0.0
 
 
-def test_a_drone_with_no_charge_does_not_take_off(start: Flying) -> None:
-    flight = start(battery=0.0)
-    flight.rise()
+def test_a_drone_with_no_charge_does_not_take_off() -> None:
+    flight = hovering(battery=0.0)
     assert flight.position[0, 2] == 0.0
     assert flight.telemetry.battery[0] < 3.0
 

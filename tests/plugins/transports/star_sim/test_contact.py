@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -14,15 +11,14 @@ from star_core import Obstacle, Order
 from star_core.toolkit import compiled
 from star_sim import airframe, contact
 from star_sim.drone import standing
+from tests.plugins.transports.star_sim.conftest import Flight, hovering
 
-Flying = Callable[..., Any]
 separate = compiled(contact.separate.py_func)  # type: ignore[attr-defined]  # for Python to call
 WALL = Obstacle("wall", (((0.5, -1), (0.7, -1), (0.7, 1), (0.5, 1)),), (0.0, 2.0))
 
 
-def test_head_on_drones_do_not_pass_through_each_other(start: Flying) -> None:
-    flight = start(2, at=[(-0.5, 0, 0), (0.5, 0, 0)])
-    flight.rise()
+def test_head_on_drones_do_not_pass_through_each_other() -> None:
+    flight = hovering(2, at=[(-0.5, 0, 0), (0.5, 0, 0)])
     gaps = []
     for _ in range(60):
         flight.fly(0.05, [(0.5, 0, 0), (-0.5, 0, 0)])
@@ -33,8 +29,8 @@ def test_head_on_drones_do_not_pass_through_each_other(start: Flying) -> None:
     assert speeds.max() < 0.25
 
 
-def test_drones_at_the_same_point_come_apart_without_nan(start: Flying) -> None:
-    flight = start(3, at=[(0.0, 0.0, 0.0)] * 3)
+def test_drones_at_the_same_point_come_apart_without_nan() -> None:
+    flight = Flight(3, at=[(0.0, 0.0, 0.0)] * 3)
     flight.fly(0.5)
     flight.rise()
     assert np.isfinite(flight.position).all()
@@ -77,13 +73,13 @@ def test_drones_far_from_sorted_are_found_all_the_same() -> None:
 
 @given(seed=st.integers(0, 1000))
 @settings(max_examples=10)
-def test_crowds_thrown_among_obstacles_stay_finite_and_outside(start: Flying, seed: int) -> None:
+def test_crowds_thrown_among_obstacles_stay_finite_and_outside(seed: int) -> None:
     rng = np.random.default_rng(seed)
     corners = [(x - 0.1, y - 0.2) for x in (-1.5, -0.5, 0.5, 1.5) for y in (-1.5, -0.5, 0.5, 1.5)]
     pillars = tuple(
         Obstacle("pillar", (((x, y), (x + 0.4, y), (x, y + 0.4)),), (0.0, 2.0)) for x, y in corners
     )
-    flight = start(
+    flight = Flight(
         30, noise=True, at=[(*p, 0.0) for p in rng.uniform(-2, 2, (30, 2))], obstacles=pillars
     )
     flight.rise()
@@ -98,32 +94,29 @@ def test_crowds_thrown_among_obstacles_stay_finite_and_outside(start: Flying, se
         assert not any(p.contains(tuple(at)) for p in pillars for at in truth.position)
 
 
-def test_a_wall_blocks(start: Flying) -> None:
-    flight = start(obstacles=(WALL,))
-    flight.rise()
+def test_a_wall_blocks() -> None:
+    flight = hovering(obstacles=(WALL,))
     flight.fly(4.0, (0.5, 0, 0))
     assert flight.position[0, 0] == pytest.approx(0.5 - airframe.FRAME_RADIUS, abs=0.01)
 
 
-def test_a_drone_flies_over_a_low_wall(start: Flying) -> None:
+def test_a_drone_flies_over_a_low_wall() -> None:
     low = Obstacle("low", WALL.polygons, (0.0, 0.5))
-    flight = start(obstacles=(low,))
-    flight.rise(0.8)
+    flight = hovering(obstacles=(low,), height=0.8)
     flight.fly(4.0, (0.5, 0, 0))
     assert flight.position[0, 0] > 1.5
 
 
-def test_a_drone_under_a_beam_is_stopped_on_its_way_up(start: Flying) -> None:
+def test_a_drone_under_a_beam_is_stopped_on_its_way_up() -> None:
     beam = Obstacle("beam", (((-1, -1), (1, -1), (1, 1), (-1, 1)),), (1.0, 1.5))
-    flight = start(obstacles=(beam,))
-    flight.rise(0.5)
+    flight = hovering(obstacles=(beam,), height=0.5)
     flight.fly(4.0, (0, 0, 0.4))
     assert flight.position[0, 2] == pytest.approx(1.0 - airframe.HEIGHT, abs=0.005)
 
 
-def test_a_drone_stands_on_an_obstacle_and_takes_off_from_it(start: Flying) -> None:
+def test_a_drone_stands_on_an_obstacle_and_takes_off_from_it() -> None:
     table = Obstacle("table", (((-1, -1), (1, -1), (1, 1), (-1, 1)),), (0.0, 0.7))
-    flight = start(at=[(0.0, 0.0, 0.7)], obstacles=(table,))
+    flight = Flight(at=[(0.0, 0.0, 0.7)], obstacles=(table,))
     flight.simulator.drones["rates"] = 1.0
     flight.fly(2.0)
     assert flight.position[0, 2] == pytest.approx(0.7, abs=0.002)
@@ -133,10 +126,9 @@ def test_a_drone_stands_on_an_obstacle_and_takes_off_from_it(start: Flying) -> N
     assert flight.position[0, 2] == pytest.approx(1.2, abs=0.02)
 
 
-def test_a_concave_obstacle_leaves_its_hollow_free(start: Flying) -> None:
+def test_a_concave_obstacle_leaves_its_hollow_free() -> None:
     corners = ((-1, -1), (1, -1), (1, 1), (0.5, 1), (0.5, -0.5), (-0.5, -0.5), (-0.5, 1), (-1, 1))
-    flight = start(obstacles=(Obstacle("u", (corners,), (0.0, 2.0)),))
-    flight.rise()
+    flight = hovering(obstacles=(Obstacle("u", (corners,), (0.0, 2.0)),))
     assert flight.position[0] == pytest.approx([0, 0, 0.8], abs=0.01)
     flight.fly(4.0, (0, -0.4, 0))
     assert flight.position[0, 1] == pytest.approx(-0.5 + airframe.FRAME_RADIUS, abs=0.01)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -18,23 +17,9 @@ from star_sim.drone import standing
 from star_sim.error_profile import IDEAL, REALISTIC, ErrorProfile
 from star_sim.estimator import IMU_CLIMB_GAIN, IMU_HEIGHT_GAIN
 from star_sim.sensors import Wander, draw_errors, draw_texture
+from tests.plugins.transports.star_sim.conftest import Flight, hovering
 
-Flying = Callable[..., Any]
-
-EXACT = replace(
-    REALISTIC,
-    flow_noise=0.0,
-    flow_scale_wander=0.0,
-    gyro_noise=0.0,
-    gyro_wander=0.0,
-    accelerometer_bias=0.0,
-    accelerometer_wander=0.0,
-    accelerometer_noise=0.0,
-    ranger_bias=0.0,
-    report_delay=0,
-    report_loss=0.0,
-    setpoint_delay=0.0,
-)
+EXACT = replace(IDEAL, flow_noise=0.0, gyro_noise=0.0, imu=True, surfaces=True, aerodynamics=True)
 BOX = Obstacle("box", (((1.0, -1.0), (2.0, -1.0), (2.0, 1.0), (1.0, 1.0)),), (0.0, 0.4))
 
 
@@ -95,18 +80,15 @@ def test_agent_errors_do_not_depend_on_the_number_of_agents() -> None:
     assert np.array_equal(few, many[:, :2])
 
 
-def test_an_exact_imu_keeps_the_tilt_exact(start: Flying) -> None:
-    flight = start(noise=True, profile=EXACT)
-    flight.rise()
+def test_an_exact_imu_keeps_the_tilt_exact() -> None:
+    flight = hovering(noise=True, profile=EXACT)
     flight.fly(2.0, (0.5, 0.2, 0.0), yaw=1.0)
     assert np.abs(tilt_errors(flight)).max() < math.radians(0.3)
 
 
 @pytest.mark.parametrize(("axis", "row", "sign"), [(0, 1, -1), (1, 0, 1)])
-def test_accelerometer_bias_tilts_the_estimate(
-    start: Flying, axis: int, row: int, sign: int
-) -> None:
-    flight = start(noise=True, profile=EXACT)
+def test_accelerometer_bias_tilts_the_estimate(axis: int, row: int, sign: int) -> None:
+    flight = Flight(noise=True, profile=EXACT)
     flight.simulator.drones["accelerometer_bias"][0, axis] = 0.2
     flight.rise()
     flight.fly(4.0, (0.0, 0.0, 0.0))
@@ -114,8 +96,8 @@ def test_accelerometer_bias_tilts_the_estimate(
     assert np.abs(flight.telemetry.velocity).max() < 0.1
 
 
-def test_wrong_tilt_estimates_do_not_change_the_velocity(start: Flying) -> None:
-    flight = start(noise=True, profile=EXACT)
+def test_wrong_tilt_estimates_do_not_change_the_velocity() -> None:
+    flight = Flight(noise=True, profile=EXACT)
     flight.simulator.drones["accelerometer_bias"][0, 0] = 0.2
     flight.rise()
     flight.fly(6.0, (0.3, 0.0, 0.0))
@@ -124,8 +106,8 @@ def test_wrong_tilt_estimates_do_not_change_the_velocity(start: Flying) -> None:
     assert flight.telemetry.velocity[0, 0] == pytest.approx(0.3, abs=0.1)
 
 
-def test_accelerometer_bias_offsets_the_vertical_velocity(start: Flying) -> None:
-    flight = start(noise=True, profile=EXACT)
+def test_accelerometer_bias_offsets_the_vertical_velocity() -> None:
+    flight = Flight(noise=True, profile=EXACT)
     flight.simulator.drones["accelerometer_bias"][0, 2] = 0.3
     flight.rise()
     before = flight.position[0, 2]
@@ -134,16 +116,15 @@ def test_accelerometer_bias_offsets_the_vertical_velocity(start: Flying) -> None
     assert flight.position[0, 2] - before == pytest.approx(-5.0 * wrong, rel=0.2)
 
 
-def test_a_biased_ranger_shifts_the_height(start: Flying) -> None:
-    flight = start(noise=True, profile=EXACT)
+def test_a_biased_ranger_shifts_the_height() -> None:
+    flight = Flight(noise=True, profile=EXACT)
     flight.simulator.drones["ranger_bias"] = 0.03
     flight.rise()
     assert flight.telemetry.position[0, 2] - flight.position[0, 2] == pytest.approx(0.03, abs=5e-3)
 
 
-def test_a_flow_deck_reports_the_height_over_what_is_below(start: Flying) -> None:
-    flight = start(noise=True, profile=EXACT, obstacles=(BOX,))
-    flight.rise(1.0)
+def test_a_flow_deck_reports_the_height_over_what_is_below() -> None:
+    flight = hovering(noise=True, profile=EXACT, obstacles=(BOX,), height=1.0)
     assert flight.telemetry.position[0, 2] == pytest.approx(flight.position[0, 2], abs=0.02)
     flight.fly(3.5, (0.5, 0.0, 0.0))
     flight.fly(2.0, (0.0, 0.0, 0.0))
@@ -153,18 +134,16 @@ def test_a_flow_deck_reports_the_height_over_what_is_below(start: Flying) -> Non
     assert true > 1.05  # the estimator saw the ground rise, and climbed
 
 
-def test_the_ideal_flow_deck_ignores_what_is_below(start: Flying) -> None:
-    flight = start(noise=True, obstacles=(BOX,))
-    flight.rise(1.0)
+def test_the_ideal_flow_deck_ignores_what_is_below() -> None:
+    flight = hovering(noise=True, obstacles=(BOX,), height=1.0)
     flight.fly(3.5, (0.5, 0.0, 0.0))
     assert 1.0 < flight.position[0, 0] < 2.0
     assert flight.telemetry.position[0, 2] == pytest.approx(flight.position[0, 2], abs=0.03)
 
 
-def test_reports_are_late_and_lost(start: Flying) -> None:
+def test_reports_are_late_and_lost() -> None:
     lossy = replace(EXACT, report_delay=0.02, report_loss=0.3, setpoint_delay=0.01)
-    flight = start(4, noise=True, profile=lossy, at=[(float(i), 0.0, 0.0) for i in range(4)])
-    flight.rise()
+    flight = hovering(4, noise=True, profile=lossy, at=[(float(i), 0.0, 0.0) for i in range(4)])
     table = flight.fly(10.0, (0.3, 0.0, 0.0))
     ages = np.array([heard.age for heard in table])
     assert ages.min() == pytest.approx(0.02, abs=1e-6)
@@ -175,9 +154,9 @@ def test_reports_are_late_and_lost(start: Flying) -> None:
     assert times.max() <= table[-1].time - 0.02 + 1e-6
 
 
-def test_a_late_report_is_of_the_time_that_its_age_names(start: Flying) -> None:
+def test_a_late_report_is_of_the_time_that_its_age_names() -> None:
     flights = [
-        start(noise=True, profile=replace(EXACT, report_delay=delay, setpoint_delay=0.01))
+        Flight(noise=True, profile=replace(EXACT, report_delay=delay, setpoint_delay=0.01))
         for delay in (0.0, 0.03)
     ]
     for flight in flights:
@@ -188,9 +167,9 @@ def test_a_late_report_is_of_the_time_that_its_age_names(start: Flying) -> None:
     assert behind == pytest.approx(0.03 * now.velocity[0, 0], abs=2e-3)
 
 
-def test_setpoints_and_commands_take_effect_late_and_in_order(start: Flying) -> None:
+def test_setpoints_and_commands_take_effect_late_and_in_order() -> None:
     slow = replace(EXACT, setpoint_delay=0.06)
-    flight, prompt = start(noise=True, profile=slow), start(noise=True, profile=EXACT)
+    flight, prompt = Flight(noise=True, profile=slow), Flight(noise=True, profile=EXACT)
     for one in (flight, prompt):
         one.rise()
         one.fly(0.5, (0.5, 0.0, 0.0))
@@ -202,21 +181,9 @@ def test_setpoints_and_commands_take_effect_late_and_in_order(start: Flying) -> 
     assert flight.position[0, 2] < 0.02
 
 
-def test_realistic_flights_are_repeatable(start: Flying) -> None:
-    def flown() -> Any:
-        flight = start(3, noise=True, profile=REALISTIC, at=[(float(i), 0, 0) for i in range(3)])
-        flight.rise()
-        return flight.fly(3.0, (0.3, 0.1, 0.0))[-1].position
-
-    assert np.array_equal(flown(), flown())
-
-
 @pytest.mark.parametrize(("profile", "low", "high"), [(IDEAL, 0.02, 0.4), (REALISTIC, 0.04, 0.8)])
-def test_drones_drift_in_both_profiles(
-    start: Flying, profile: ErrorProfile, low: float, high: float
-) -> None:
-    flight = start(8, noise=True, profile=profile, at=[(float(i), 0.0, 0.0) for i in range(8)])
-    flight.rise()
+def test_drones_drift_in_both_profiles(profile: ErrorProfile, low: float, high: float) -> None:
+    flight = hovering(8, noise=True, profile=profile, at=[(float(i), 0.0, 0.0) for i in range(8)])
     for _ in range(2):
         flight.fly(7.0, (0.3, 0, 0))
         flight.fly(7.0, (-0.3, 0, 0), yaw=math.pi)

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import math
 import runpy
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -16,13 +14,11 @@ from star_sim import sensors
 from star_sim.airframe import DRAG_XY, MASS
 from star_sim.drone import VELOCITY, standing
 from star_sim.estimator import lean
+from tests.plugins.transports.star_sim.conftest import Flight, hovering
 
-Flying = Callable[..., Any]
 
-
-def test_noiseless_telemetry_is_the_truth_in_odometry_frames(start: Flying) -> None:
-    flight = start(at=[(1.0, -2.0, 0.0)], yaw=2.5)
-    flight.rise()
+def test_noiseless_telemetry_is_the_truth_in_odometry_frames() -> None:
+    flight = hovering(at=[(1.0, -2.0, 0.0)], yaw=2.5)
     for velocity in ((0.4, 0.1, 0.05), (-0.3, 0.3, 0)):
         flight.fly(1.0, velocity, yaw=1.0)
         truth = flight.simulator.truth()
@@ -43,9 +39,8 @@ def test_noiseless_telemetry_is_the_truth_in_odometry_frames(start: Flying) -> N
 
 
 @pytest.mark.parametrize("rate", [10, 20, 30, 50, 100])
-def test_odometry_comes_at_a_hundred_hertz_whatever_the_tick(start: Flying, rate: int) -> None:
-    flight = start(2, rate=rate)
-    flight.rise()
+def test_odometry_comes_at_a_hundred_hertz_whatever_the_tick(rate: int) -> None:
+    flight = hovering(2, rate=rate)
     table = [heard.odometry for heard in flight.fly(1.0)]
     time = np.concatenate([odometry.time for odometry in table])
     agent = np.concatenate([odometry.agent for odometry in table])
@@ -54,9 +49,8 @@ def test_odometry_comes_at_a_hundred_hertz_whatever_the_tick(start: Flying, rate
         assert 99 <= (agent == row).sum() <= 101
 
 
-def test_adding_up_the_odometry_gives_the_believed_position(start: Flying) -> None:
-    flight = start(noise=True)
-    flight.rise()
+def test_adding_up_the_odometry_gives_the_believed_position() -> None:
+    flight = hovering(noise=True)
     begun = flight.telemetry.position[0, :2]
     yaw = 2 * math.atan2(*flight.telemetry.attitude[0, 2:])
     travelled = np.zeros(2)
@@ -71,9 +65,8 @@ def test_adding_up_the_odometry_gives_the_believed_position(start: Flying) -> No
 
 
 @pytest.mark.parametrize("yaw", [0.0, 2.0])
-def test_the_accelerometer_measures_the_drag_of_the_air(start: Flying, yaw: float) -> None:
-    flight = start(yaw=yaw)
-    flight.rise()
+def test_the_accelerometer_measures_the_drag_of_the_air(yaw: float) -> None:
+    flight = hovering(yaw=yaw)
     drag = DRAG_XY / MASS
     for velocity in ((0.5, 0.2, 0), (-0.8, 0.4, 0)):
         for heard in flight.fly(1.5, velocity):
@@ -82,9 +75,8 @@ def test_the_accelerometer_measures_the_drag_of_the_air(start: Flying, yaw: floa
         assert np.linalg.norm(heard.specific_force[0]) > 0.2
 
 
-def test_odometry_agrees_with_the_attitude(start: Flying) -> None:
-    flight = start(noise=True)
-    flight.rise()
+def test_odometry_agrees_with_the_attitude() -> None:
+    flight = hovering(noise=True)
     flight.fly(0.3, (1.0, -0.5, 0))
     x, y, z, w = flight.telemetry.attitude[0]
     roll = math.atan2(2 * (y * z + w * x), 1 - 2 * (x * x + y * y))
@@ -95,47 +87,28 @@ def test_odometry_agrees_with_the_attitude(start: Flying) -> None:
     assert flight.telemetry.odometry.height[-1] == flight.telemetry.position[0, 2]
 
 
-def test_nose_down_is_a_positive_pitch(start: Flying) -> None:
-    flight = start()
-    flight.rise()
+def test_nose_down_is_a_positive_pitch() -> None:
+    flight = hovering()
     flight.fly(0.3, (1.0, 0, 0))
     assert flight.telemetry.odometry.pitch[-1] > 0.05
 
 
-def drifts(flight: Any) -> Any:
-    truth = flight.simulator.truth()
-    drones = flight.simulator.drones
-    back = Transform(drones["origin_yaw"], drones["origin"]).inverse()
-    return np.linalg.norm((flight.telemetry.position - back.apply(truth.position))[:, :2], axis=1)
-
-
-def test_dead_reckoning_drifts_and_takes_the_drone_with_it(start: Flying) -> None:
-    flight = start(8, noise=True)
-    flight.rise()
-    for _ in range(3):
-        flight.fly(7.0, (0.3, 0, 0))
-        flight.fly(7.0, (-0.3, 0, 0), yaw=math.pi)
-    drift = drifts(flight)
-    assert 0.05 < np.median(drift) < 0.6
-    assert np.abs(flight.telemetry.position[:, 2] - flight.position[:, 2]).max() < 0.03
-
-
-def test_a_drone_at_rest_does_not_drift(start: Flying) -> None:
-    flight = start(3, noise=True)
+def test_a_drone_at_rest_does_not_drift() -> None:
+    flight = Flight(3, noise=True)
     flight.fly(20.0)
     assert np.abs(flight.telemetry.position).max() == 0.0
     assert np.abs(flight.telemetry.velocity).max() == 0.0
 
 
-def test_a_drone_at_rest_on_a_table_does_not_drift(start: Flying) -> None:
+def test_a_drone_at_rest_on_a_table_does_not_drift() -> None:
     table = Obstacle("table", (((-1, -1), (1, -1), (1, 1), (-1, 1)),), (0.0, 0.7))
-    flight = start(noise=True, at=[(0.0, 0.0, 0.7)], obstacles=(table,))
+    flight = Flight(noise=True, at=[(0.0, 0.0, 0.7)], obstacles=(table,))
     flight.fly(20.0)
     assert np.abs(flight.telemetry.position).max() < 0.01
 
 
-def test_noisy_drones_start_beside_their_believed_position(start: Flying) -> None:
-    flight = start(200, noise=True, at=[(float(i), 0.0, 0.0) for i in range(200)])
+def test_noisy_drones_start_beside_their_believed_position() -> None:
+    flight = Flight(200, noise=True, at=[(float(i), 0.0, 0.0) for i in range(200)])
     beside = flight.position - [(i, 0, 0) for i in range(200)]
     assert beside[:, :2].std() == pytest.approx(sensors.START_OFFSET, rel=0.15)
     assert np.abs(flight.telemetry.position).max() == 0.0

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import runpy
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +15,7 @@ from hypothesis import strategies as st
 from star_core import Order
 from star_sim import airframe
 from star_sim.drone import VELOCITY
-
-Flying = Callable[..., Any]
-
+from tests.plugins.transports.star_sim.conftest import Flight, hovering
 
 BENCHMARK = runpy.run_path(str(Path(__file__).parents[4] / "benchmarks" / "sim.py"))
 
@@ -29,9 +26,8 @@ def in_the_air(flight: Any, height: float = 5.0) -> None:
     drones["believed_position"][:, 2] = height
 
 
-def test_a_drone_hovers_within_a_centimetre(start: Flying) -> None:
-    flight = start()
-    flight.rise(0.8)
+def test_a_drone_hovers_within_a_centimetre() -> None:
+    flight = hovering(height=0.8)
     flight.fly(4.0)
     for _ in range(40):
         flight.fly(0.05)
@@ -40,25 +36,16 @@ def test_a_drone_hovers_within_a_centimetre(start: Flying) -> None:
 
 @pytest.mark.parametrize("velocity", [(0.5, 0, 0), (0, -0.3, 0), (0.2, 0.2, 0.1), (0, 0, -0.2)])
 def test_a_velocity_setpoint_is_followed_within_two_per_cent(
-    start: Flying, velocity: tuple[float, float, float]
+    velocity: tuple[float, float, float],
 ) -> None:
-    flight = start()
-    flight.rise(2.0)
+    flight = hovering(height=2.0)
     flight.fly(8.0, velocity)
     error = flight.telemetry.velocity[0] - velocity
     assert np.linalg.norm(error) < 0.02 * np.linalg.norm(velocity)
 
 
-def test_a_yaw_setpoint_is_followed(start: Flying) -> None:
-    flight = start()
-    flight.rise()
-    flight.fly(3.0, (0, 0, 0), yaw=3.0)
-    x, y, z, w = flight.telemetry.attitude[0]
-    assert math.atan2(2 * (x * y + w * z), 1 - 2 * (y * y + z * z)) == pytest.approx(3.0, abs=0.01)
-
-
-def test_motors_off_is_free_fall_with_drag(start: Flying) -> None:
-    flight = start()
+def test_motors_off_is_free_fall_with_drag() -> None:
+    flight = Flight()
     in_the_air(flight)
     flight.fly(0.5)
     drag = airframe.DRAG_Z / airframe.MASS
@@ -78,8 +65,8 @@ def test_the_attitude_stays_a_unit_quaternion(
     assert np.linalg.norm(sim.truth().attitude, axis=1) == pytest.approx(1.0, abs=1e-12)
 
 
-def test_a_body_that_spins_freely_keeps_its_angular_momentum(start: Flying) -> None:
-    flight = start()
+def test_a_body_that_spins_freely_keeps_its_angular_momentum() -> None:
+    flight = Flight()
     in_the_air(flight)
     drones = flight.simulator.drones
     drones["rates"] = [3.0, -2.0, 4.0]
@@ -89,19 +76,8 @@ def test_a_body_that_spins_freely_keeps_its_angular_momentum(start: Flying) -> N
     assert np.linalg.norm(inertia * drones["rates"][0]) == pytest.approx(before, rel=1e-2)
 
 
-def test_violent_setpoints_keep_tilt_within_the_firmware_limit(start: Flying) -> None:
-    flight = start()
-    flight.rise(2.0)
-    tilts = []
-    for sign in (1, -1, 1, -1):
-        for heard in flight.fly(0.5, (5.0 * sign, 5.0 * sign, 0)):
-            upright = 1 - 2 * (heard.attitude[0, :2] ** 2).sum()
-            tilts.append(math.degrees(math.acos(upright)))
-    assert 15.0 < max(tilts) < 25.0  # 20° and some overshoot of the attitude loop
-
-
-def test_a_drone_that_falls_on_the_floor_comes_to_rest_there(start: Flying) -> None:
-    flight = start()
+def test_a_drone_that_falls_on_the_floor_comes_to_rest_there() -> None:
+    flight = Flight()
     in_the_air(flight, 1.0)
     flight.simulator.drones["velocity"] = [0.5, 0.5, 0.0]
     flight.fly(2.0)
@@ -132,8 +108,8 @@ def test_the_kernel_agrees_with_plain_numpy() -> None:
     assert np.abs(drones["attitude"] - peer.attitude).max() < 1e-9
 
 
-def test_a_take_off_reaches_its_height_and_stays_over_its_start(start: Flying) -> None:
-    flight = start(at=[(1.0, 2.0, 0.0)], yaw=0.7)
+def test_a_take_off_reaches_its_height_and_stays_over_its_start() -> None:
+    flight = Flight(at=[(1.0, 2.0, 0.0)], yaw=0.7)
     flight.order(Order.TAKEOFF, (9.0, 9.0, 1.2), duration=3.0)
     flight.fly(6.0)
     assert flight.position[0] == pytest.approx([1.0, 2.0, 1.2], abs=0.01)

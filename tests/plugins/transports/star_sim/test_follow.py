@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -11,9 +11,8 @@ from numpy.polynomial import polynomial
 
 from star_core import Array, Command, ContractError, Order, Supervisor, Trajectory
 from star_sim.airframe import NEVER
-from star_sim.pieces import HOVER_TIME, Piece, pieces_of
-
-Flying = Callable[..., Any]
+from star_sim.pieces import HOVER_TIME
+from tests.plugins.transports.star_sim.conftest import Flight, hovering
 
 
 def rest_to_rest(start: Sequence[float], end: Sequence[float], duration: float) -> Array:
@@ -69,6 +68,30 @@ def follow(
     )  # fmt: skip
 
 
+def following(
+    seconds: float = 0.0,
+    flown: Trajectory = CORNER,
+    *,
+    towards: float = 0.0,
+    stretch: float = 1.0,
+    **options: Any,
+) -> Flight:
+    """A swarm that has followed a trajectory for some time, from 0.8 m above its start.
+
+    Args:
+        seconds: That time.
+        flown: The trajectory.
+        towards: Yaw of its x axis in the odometry frame, rad.
+        stretch: Of its duration.
+        options: Of the swarm.
+    """
+    flight = hovering(**options)
+    upload(flight, CORNER, CUT)
+    follow(flight, flown, (0, 0, 0.8), towards, stretch)
+    flight.fly(seconds)
+    return flight
+
+
 def references(flight: Any, seconds: float) -> tuple[Array, Array]:
     """Tick; return when and where the commander wanted the first drone to be: x, y, z, yaw."""
     times, places = [], []
@@ -82,26 +105,18 @@ def references(flight: Any, seconds: float) -> tuple[Array, Array]:
 
 @pytest.mark.parametrize("stretch", [1.0, 1.7])
 @pytest.mark.parametrize("flown", [CORNER, CUT], ids=["corner", "cut"])
-def test_what_is_wanted_is_the_polynomial_at_every_time(
-    start: Flying, flown: Trajectory, stretch: float
-) -> None:
-    flight = start()
-    flight.rise(0.8)
-    upload(flight, flown)
+def test_what_is_wanted_is_the_polynomial_at_every_time(flown: Trajectory, stretch: float) -> None:
+    flight = following(flown=flown, stretch=stretch)
     begun = flight.simulator.time
-    follow(flight, flown, (0, 0, 0.8), stretch=stretch)
     whole = stretch * flown.duration.sum()
     times, places = references(flight, whole + 0.5)
     expected = [where(flown, (time - begun) / stretch) for time in times]
     assert places - [0, 0, 0.8, 0] == pytest.approx(np.array(expected), abs=1e-9)
 
 
-def test_the_drone_flies_it_through_its_boundaries(start: Flying) -> None:
-    flight = start()
-    flight.rise(0.8)
-    upload(flight, CUT)
+def test_the_drone_flies_it_through_its_boundaries() -> None:
+    flight = following(flown=CUT)
     begun = flight.simulator.time
-    follow(flight, CUT, (0, 0, 0.8))
     off = []
     for _ in range(80):
         flight.fly(0.05)
@@ -109,22 +124,16 @@ def test_the_drone_flies_it_through_its_boundaries(start: Flying) -> None:
     assert np.linalg.norm(np.array(off) - [0, 0, 0.8], axis=1).max() < 0.02
 
 
-def test_it_lies_in_the_map_whatever_the_heading_at_the_start(start: Flying) -> None:
-    flight = start(at=[(1.0, 2.0, 0.0)], yaw=2.0)
-    flight.rise(0.8)
-    upload(flight, CORNER)
-    follow(flight, CORNER, (0, 0, 0.8), yaw=-2.0)  # in the odometry frame
+def test_it_lies_in_the_map_whatever_the_heading_at_the_start() -> None:
+    flight = following(at=[(1.0, 2.0, 0.0)], yaw=2.0, towards=-2.0)
     flight.fly(6.0)
     assert flight.position[0] == pytest.approx([1.8, 2.6, 1.0], abs=0.02)
     half = flight.simulator.drones["attitude"][0, 2:]
     assert 2 * np.arctan2(*half) == pytest.approx(0.0, abs=0.02)
 
 
-def test_follow_ends_with_the_commander_not_between_pieces(start: Flying) -> None:
-    flight = start()
-    flight.rise()
-    upload(flight, CORNER)
-    follow(flight, CORNER, (0, 0, 0.8))
+def test_follow_ends_with_the_commander_not_between_pieces() -> None:
+    flight = following()
     heard = flight.fly(4.0)
     done = [bool(now.state[0] & int(Supervisor.COMMANDER_FINISHED)) for now in heard]
     first = done.index(True)
@@ -133,22 +142,15 @@ def test_follow_ends_with_the_commander_not_between_pieces(start: Flying) -> Non
     assert Supervisor.COMMANDER_ACTIVE in flight.state()
 
 
-def test_several_drones_fly_it_on_the_same_tick(start: Flying) -> None:
-    flight = start(3)
-    flight.rise()
-    upload(flight, CORNER, CUT)
-    follow(flight, CORNER, (0, 0, 0.8))
+def test_several_drones_fly_it_on_the_same_tick() -> None:
+    flight = following(n=3)
     before = flight.position
     flight.fly(6.0)
     assert flight.position - before == pytest.approx(np.tile([0.8, 0.6, 0.2], (3, 1)), abs=0.02)
 
 
-def test_a_landing_in_the_middle_takes_over_and_stays_down(start: Flying) -> None:
-    flight = start()
-    flight.rise()
-    upload(flight, CORNER)
-    follow(flight, CORNER, (0, 0, 0.8))
-    flight.fly(1.0)
+def test_a_landing_in_the_middle_takes_over_and_stays_down() -> None:
+    flight = following(1.0)
     flight.order(Order.LAND, (0, 0, 0.03), duration=2.0)
     flight.fly(5.0)
     assert flight.position[0, 2] == 0.0
@@ -157,24 +159,16 @@ def test_a_landing_in_the_middle_takes_over_and_stays_down(start: Flying) -> Non
     assert Supervisor.FLYING not in flight.state()
 
 
-def test_a_stop_in_the_middle_stops_the_motors_for_good(start: Flying) -> None:
-    flight = start()
-    flight.rise()
-    upload(flight, CORNER)
-    follow(flight, CORNER, (0, 0, 0.8))
-    flight.fly(1.0)
+def test_a_stop_in_the_middle_stops_the_motors_for_good() -> None:
+    flight = following(1.0)
     flight.order(Order.STOP)
     flight.fly(4.0)
     assert flight.position[0, 2] == 0.0
     assert flight.simulator.drones["thrust"].max() < 1e-6
 
 
-def test_a_lock_in_the_middle_is_for_good(start: Flying) -> None:
-    flight = start()
-    flight.rise()
-    upload(flight, CORNER)
-    follow(flight, CORNER, (0, 0, 0.8))
-    flight.fly(1.0)
+def test_a_lock_in_the_middle_is_for_good() -> None:
+    flight = following(1.0)
     flight.simulator.drones["mode"] = 0
     flight.simulator.drones["locked"] = 1
     flight.fly(4.0)
@@ -182,73 +176,52 @@ def test_a_lock_in_the_middle_is_for_good(start: Flying) -> None:
     assert Supervisor.LOCKED in flight.state()
 
 
-def test_a_setpoint_takes_over_and_no_later_piece_does(start: Flying) -> None:
-    flight = start()
-    flight.rise()
-    upload(flight, CORNER)
-    follow(flight, CORNER, (0, 0, 0.8))
-    flight.fly(1.0)
+def test_a_setpoint_takes_over_and_no_later_piece_does() -> None:
+    flight = following(1.0)
     flight.fly(3.0, (0, -0.3, 0))
     assert flight.telemetry.velocity[0] == pytest.approx([0, -0.3, 0], abs=0.05)
     assert Supervisor.COMMANDER_ACTIVE not in flight.state()
 
 
 @pytest.mark.parametrize("then", [Order.GOTO, Order.TAKEOFF])
-def test_another_order_in_the_same_tick_drops_what_is_left(start: Flying, then: Order) -> None:
-    flight = start()
-    flight.rise()
-    upload(flight, CORNER)
-    follow(flight, CORNER, (0, 0, 0.8))
+def test_another_order_in_the_same_tick_drops_what_is_left(then: Order) -> None:
+    flight = following()
     flight.order(then, (0, 0, 1.2), duration=5.0)
     flight.fly(8.0)
     assert flight.position[0] == pytest.approx([0, 0, 1.2], abs=0.02)
 
 
-def test_another_trajectory_takes_over(start: Flying) -> None:
-    flight = start()
-    flight.rise()
-    upload(flight, CORNER, CUT)
-    follow(flight, CORNER, (0, 0, 0.8))
-    flight.fly(1.0)
+def test_another_trajectory_takes_over() -> None:
+    flight = following(1.0)
     follow(flight, CUT, (0, 0, 1.0))
     flight.fly(6.0)
     assert flight.position[0] == pytest.approx([1.0, 0.5, 1.0], abs=0.02)
 
 
-def test_arming_drops_nothing(start: Flying) -> None:
-    flight = start()
-    flight.rise()
-    upload(flight, CORNER)
-    follow(flight, CORNER, (0, 0, 0.8))
+def test_arming_drops_nothing() -> None:
+    flight = following()
     flight.order(Order.ARM)
     flight.fly(6.0)
     assert flight.position[0] == pytest.approx([0.8, 0.6, 1.0], abs=0.02)
 
 
-def test_an_agent_that_follows_nothing_costs_nothing(start: Flying) -> None:
-    flight = start()
-    flight.rise()
-    assert flight.simulator._queue.next_step == NEVER
-    upload(flight, CORNER)
-    follow(flight, CORNER, (0, 0, 0.8))
-    flight.fly(4.0)
+def test_an_agent_that_follows_nothing_costs_nothing() -> None:
+    assert hovering().simulator._queue.next_step == NEVER
+    flight = following(4.0)
     flight.hover()
     assert flight.simulator._queue.next_step == NEVER
 
 
-def test_a_drone_lands_by_itself_after_a_trajectory(start: Flying) -> None:
-    flight = start()
-    flight.rise()
-    upload(flight, CORNER)
-    follow(flight, CORNER, (0, 0, 0.8))
+def test_a_drone_lands_by_itself_after_a_trajectory() -> None:
+    flight = following()
     flight.fly(CORNER.duration.sum() + HOVER_TIME)
     assert flight.position[0] == pytest.approx([0.8, 0.6, 1.0], abs=0.02)
     flight.fly(5.0)
     assert flight.position[0] == pytest.approx([0.8, 0.6, 0.0], abs=0.02)
 
 
-def test_when_a_drone_comes_down_by_itself_is_announced(start: Flying) -> None:
-    flight = start()
+def test_when_a_drone_comes_down_by_itself_is_announced() -> None:
+    flight = Flight()
     flight.order(Order.TAKEOFF, (0, 0, 0.8))
     heights, announced = zip(
         *((one.position[0, 2], one.lands_by[0]) for one in flight.fly(12.0)), strict=True
@@ -264,25 +237,17 @@ def test_when_a_drone_comes_down_by_itself_is_announced(start: Flying) -> None:
     assert over + HOVER_TIME < flight.telemetry.lands_by[0] < np.inf
 
 
-def test_one_that_was_not_uploaded_is_refused(start: Flying) -> None:
-    flight = start()
-    flight.rise()
+def test_one_that_was_not_uploaded_is_refused() -> None:
+    flight = hovering()
     upload(flight, CUT)
     with pytest.raises(ContractError, match=r"Command\.trajectory was not uploaded"):
         follow(flight, CORNER, (0, 0, 0.8))
 
 
-def test_a_drone_that_crashed_follows_nothing(start: Flying) -> None:
-    flight = start()
+def test_a_drone_that_crashed_follows_nothing() -> None:
+    flight = Flight()
     flight.simulator.drones["crashed"] = 1
     upload(flight, CUT)
     follow(flight, CUT, (0, 0, 0.8))
     flight.fly(1.0)
     assert flight.position[0, 2] == 0.0
-
-
-def test_trajectory_pieces_match_their_polynomials() -> None:
-    for time in (0.0, 0.4, 1.9):
-        place, *_ = pieces_of(CORNER)[0].at(time)
-        assert place == pytest.approx(where(CORNER, time), abs=1e-12)
-    assert isinstance(pieces_of(CUT)[1], Piece)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -13,88 +12,83 @@ from jsonschema import Draft202012Validator
 import star_sim
 from star_core import Setpoint
 from star_core.toolkit import Paced
-from star_sim.discharge import HOVER_TIME
+from star_sim.error_profile import IDEAL, REALISTIC, ErrorProfile
+from tests.plugins.transports.star_sim.conftest import Flight, hovering
 
-Flying = Callable[..., Any]
 
-
-def errand(flight: Any) -> None:
-    flight.rise()
+def flown(n: int = 1, **options: Any) -> Flight:
+    flight = hovering(n, **options)
     flight.fly(2.0, (0.2, 0.3, 0.0), yaw=0.4)
+    return flight
 
 
-def test_two_runs_are_the_same_to_the_last_bit(start: Flying) -> None:
-    one, other = start(3, noise=True, seed=4), start(3, noise=True, seed=4)
-    errand(one)
-    errand(other)
-    assert one.simulator.drones.tobytes() == other.simulator.drones.tobytes()
-
-
-def test_another_seed_gives_another_flight(start: Flying) -> None:
-    one, other = start(noise=True, seed=4), start(noise=True, seed=5)
-    errand(one)
-    errand(other)
+@pytest.mark.parametrize("profile", [IDEAL, REALISTIC])
+def test_a_seed_is_one_flight_to_the_last_bit(profile: ErrorProfile) -> None:
+    one, same, other = (flown(3, noise=True, profile=profile, seed=seed) for seed in (4, 4, 5))
+    assert one.simulator.drones.tobytes() == same.simulator.drones.tobytes()
     assert np.abs(one.position - other.position).max() > 1e-3
 
 
-def test_an_agents_numbers_do_not_depend_on_others_far_away(start: Flying) -> None:
-    places = [(2.0 * i, 0.0, 0.0) for i in range(12)]
-    few, many = (start(2, noise=True, at=places[:2]), start(12, noise=True, at=places))
-    errand(few)
-    errand(many)
-    assert few.simulator.drones.tobytes() == many.simulator.drones[:2].tobytes()
+@pytest.mark.parametrize(
+    ("controller", "noise"), [("ideal", True), ("pid", False), ("mellinger", False)]
+)
+def test_flights_are_bit_identical_alone_and_in_a_swarm(controller: str, *, noise: bool) -> None:
+    apart = [(4.0 * i, 0.0, 0.0) for i in range(12)]
+    one, many = (
+        flown(at=at, controller=controller, noise=noise).simulator.drones
+        for at in (apart[:1], apart)
+    )
+    assert one.tobytes() == many[:1].tobytes()
 
 
-def test_noise_goes_on_beyond_one_block_of_numbers(start: Flying) -> None:
-    one, other = start(noise=True), start(noise=True, rate=2.0)
-    one.rise()
-    other.rise()
+def test_noise_goes_on_beyond_one_block_of_numbers() -> None:
+    one, other = hovering(noise=True), hovering(noise=True, rate=2.0)
     one.fly(5.0)
     other.fly(5.0)
     assert one.position == pytest.approx(other.position, abs=1e-12)
 
 
-def test_wait_stops_at_whole_steps_and_adds_up_without_drift(start: Flying) -> None:
-    simulator = start(rate=30.0).simulator
+def test_wait_stops_at_whole_steps_and_adds_up_without_drift() -> None:
+    simulator = Flight(rate=30.0).simulator
     for tick in range(1, 601):
         now = simulator.wait(tick / 30)
         assert 0 <= now - tick / 30 < 0.002
         assert now == pytest.approx(round(now / 0.002) * 0.002, abs=1e-12)
 
 
-def test_clock_telemetry_odometry_and_truth_have_the_same_time(start: Flying) -> None:
-    flight = start()
+def test_clock_telemetry_odometry_and_truth_have_the_same_time() -> None:
+    flight = Flight()
     for tick in range(1, 400):
         now = flight.simulator.wait(tick * 0.05)
         heard = flight.simulator.receive()
         assert heard.time == heard.odometry.time[-1] == flight.simulator.truth().time == now
 
 
-def test_waiting_for_what_is_past_changes_nothing(start: Flying) -> None:
-    flight = start()
+def test_waiting_for_what_is_past_changes_nothing() -> None:
+    flight = Flight()
     flight.fly(0.5)
     before = flight.simulator.drones.tobytes()
     assert flight.simulator.wait(0.2) == pytest.approx(0.5)
     assert flight.simulator.drones.tobytes() == before
 
 
-def test_odometry_is_handed_out_once(start: Flying) -> None:
-    flight = start()
+def test_odometry_is_handed_out_once() -> None:
+    flight = Flight()
     flight.fly(0.05)
     assert len(flight.telemetry.odometry.agent) == 5
     assert len(flight.simulator.receive().odometry.agent) == 0
 
 
-def test_telemetry_is_a_copy_that_later_ticks_leave_alone(start: Flying) -> None:
-    flight = start()
+def test_telemetry_is_a_copy_that_later_ticks_leave_alone() -> None:
+    flight = Flight()
     heard = flight.fly(0.05)[0]
     flight.rise()
     assert heard.position[0, 2] == 0.0
 
 
-def test_what_is_sent_is_what_was_wished(start: Flying) -> None:
+def test_what_is_sent_is_what_was_wished() -> None:
     setpoint = Setpoint(np.full((2, 3), 0.3), np.zeros(2), np.array([True, False]))
-    assert start(2).simulator.send(setpoint) is setpoint
+    assert Flight(2).simulator.send(setpoint) is setpoint
 
 
 class Wall:
@@ -117,16 +111,14 @@ def wall(monkeypatch: pytest.MonkeyPatch) -> Wall:
     return clock
 
 
-def test_time_is_kept_when_a_speed_is_asked_for(start: Flying, wall: Wall) -> None:
-    start(speed=2.0).fly(1.0)
+def test_time_is_kept_when_a_speed_is_asked_for(wall: Wall) -> None:
+    Flight(speed=2.0).fly(1.0)
     assert wall.now == pytest.approx(0.5)
     assert wall.naps == 20
 
 
-def test_the_speed_changes_in_flight_and_nothing_else_does(start: Flying, wall: Wall) -> None:
-    alike, changed = start(2), start(2, speed=1.0)
-    errand(alike)
-    changed.rise()
+def test_the_speed_changes_in_flight_and_nothing_else_does(wall: Wall) -> None:
+    alike, changed = flown(2), hovering(2, speed=1.0)
     assert wall.now == pytest.approx(changed.simulator.time)
     for speed, seconds in (0.5, 1.0), (4.0, 0.5), (None, 0.25), (1.0, 0.25):
         begun, changed.simulator.speed = wall.now, speed
@@ -135,16 +127,14 @@ def test_the_speed_changes_in_flight_and_nothing_else_does(start: Flying, wall: 
     assert changed.simulator.drones.tobytes() == alike.simulator.drones.tobytes()
 
 
-def test_its_speed_can_be_changed_by_the_core(start: Flying) -> None:
-    assert isinstance(start().simulator, Paced)
+def test_its_speed_can_be_changed_by_the_core() -> None:
+    assert isinstance(Flight().simulator, Paced)
 
 
-def test_without_a_speed_it_never_sleeps(start: Flying, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_a_speed_it_never_sleeps(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(time, "sleep", lambda _: pytest.fail("slept"))
-    start().fly(1.0)
+    Flight().fly(1.0)
 
 
 def test_the_options_are_a_schema() -> None:
     Draft202012Validator.check_schema(star_sim.OPTIONS)
-    endurance = star_sim.OPTIONS["properties"]["endurance"]["default"]
-    assert endurance == HOVER_TIME

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -11,13 +10,13 @@ from scipy.spatial.transform import Rotation
 
 from star_core import Camera
 from star_core.world.quaternions import moved
-from star_sim.camera_sim.camera_pose import Shot, mounting, optics, poses
+from star_sim.camera_sim.camera_pose import mounting, optics, poses
+from tests.plugins.transports.star_sim.camera_sim.conftest import take
 
-Take = Callable[..., Shot]
 CAMERA = Camera()
 
 
-def test_a_camera_at_rest_has_one_pose(take: Take) -> None:
+def test_a_camera_at_rest_has_one_pose() -> None:
     shot = take((1.0, 2.0, 0.5), (0.1, 0.2, 0.3))
     track = poses(shot.packed(), mounting(CAMERA), optics(CAMERA), 3)
     body = Rotation.from_quat(shot.attitude)
@@ -28,14 +27,14 @@ def test_a_camera_at_rest_has_one_pose(take: Take) -> None:
     assert track[0, 0, 9:] == pytest.approx(shot.position + body.apply(CAMERA.position))
 
 
-def test_a_level_camera_has_its_pitch(take: Take) -> None:
+def test_a_level_camera_has_its_pitch() -> None:
     track = poses(take().packed(), mounting(CAMERA), optics(CAMERA), 1)
     ahead = track[0, 0, :9].reshape(3, 3) @ [0, 0, 1]
     assert ahead == pytest.approx([np.sqrt(0.5), 0, -np.sqrt(0.5)])
     assert moved(CAMERA.rotation, (0, 0, 1)) == pytest.approx(ahead)
 
 
-def test_rows_follow_each_other_over_the_read_out(take: Take) -> None:
+def test_rows_follow_each_other_over_the_read_out() -> None:
     track = poses(take(velocity=(1.0, 0, 0)).packed(), mounting(CAMERA), optics(CAMERA), 1)
     x = track[:, 0, 9] - CAMERA.position[0]
     assert x[0] == pytest.approx(-0.015)
@@ -43,13 +42,13 @@ def test_rows_follow_each_other_over_the_read_out(take: Take) -> None:
     assert np.diff(x) == pytest.approx(0.03 / 243)
 
 
-def test_slices_are_the_middles_of_thirds_of_the_exposure(take: Take) -> None:
+def test_slices_are_the_middles_of_thirds_of_the_exposure() -> None:
     camera = dataclasses.replace(CAMERA, readout=0.0, exposure=0.03)
     track = poses(take(velocity=(1.0, 0, 0)).packed(), mounting(camera), optics(camera), 3)
     assert track[100, :, 9] - camera.position[0] == pytest.approx([-0.01, 0.0, 0.01])
 
 
-def test_a_body_that_turns_carries_its_camera_round(take: Take) -> None:
+def test_a_body_that_turns_carries_its_camera_round() -> None:
     camera = dataclasses.replace(CAMERA, readout=0.1, exposure=0.0)
     rates = np.array([1.0, -2.0, 3.0])
     shot = take(turn=(0.3, -0.2, 1.0), rates=rates)

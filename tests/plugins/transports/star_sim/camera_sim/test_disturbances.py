@@ -44,12 +44,6 @@ def test_a_disturbance_changes_images_and_repeats(options: dict[str, Any]) -> No
     assert not np.array_equal(disturbed, taken(seed=1, **options))
 
 
-def test_without_disturbances_an_image_is_as_rendered() -> None:
-    off: dict[str, Any] = {"exposure_step": 0.0, "fixed_pattern_std": 0.0, "jpeg_quality": 0}
-    off |= {"vibration_std_deg": 0.0, "lamps": 0, "clutter": 0}
-    assert np.array_equal(taken(), taken(**off))
-
-
 def test_a_fixed_pattern_stays_and_noise_does_not() -> None:
     one, two = np.array(taken(2, fixed_pattern_std=10.0, pixel_noise_std=0.0), float)
     assert np.abs(one - two).mean() < 0.1

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 
-from star_core import Camera, Obstacle, Tag, World
+from star_core import Camera, Obstacle, Tag
 from star_core.world.quaternions import turned
-from star_sim.camera_sim.camera_pose import Shot
 from star_sim.camera_sim.geometric import OnboardDetector
+from tests.plugins.transports.star_sim.camera_sim.conftest import room, take
 
-Take = Callable[..., Shot]
-Room = Callable[..., World]
 CAMERA = Camera()
 
 
@@ -27,7 +23,7 @@ def pillar(height: float, foot: float = 0.0) -> Obstacle:
     )
 
 
-def test_corners_run_from_the_lower_left_against_the_clock(room: Room, take: Take) -> None:
+def test_corners_run_from_the_lower_left_against_the_clock() -> None:
     ids, corners = OnboardDetector(CAMERA, [lying(5, 0.0, 0.8)], room()).detect(
         take(turn=(0, 0, np.pi / 2))
     )
@@ -38,12 +34,12 @@ def test_corners_run_from_the_lower_left_against_the_clock(room: Room, take: Tak
     assert upper_right[0] > upper_left[0]
 
 
-def test_only_tags_wholly_in_the_image_are_found(room: Room, take: Take) -> None:
+def test_only_tags_wholly_in_the_image_are_found() -> None:
     tags = [lying(0, 0.8), lying(1, 0.8, 1.1), lying(2, 0.2), lying(3, -0.8)]
     assert list(OnboardDetector(CAMERA, tags, room()).detect(take())[0]) == [0]
 
 
-def test_far_and_small_tags_are_not_found(room: Room, take: Take) -> None:
+def test_far_and_small_tags_are_not_found() -> None:
     tags = [
         lying(0, 1.0),
         lying(1, 2.5),
@@ -53,7 +49,7 @@ def test_far_and_small_tags_are_not_found(room: Room, take: Take) -> None:
     assert list(OnboardDetector(CAMERA, tags, room()).detect(take())[0]) == [0, 3]
 
 
-def test_the_back_of_a_tag_is_not_found(room: Room, take: Take) -> None:
+def test_the_back_of_a_tag_is_not_found() -> None:
     tags = [
         Tag(0, 0.168, (1.0, 0.2, 0.4), turned(np.pi / 2, 0, -np.pi / 2), "faces the camera"),
         Tag(1, 0.168, (1.0, -0.2, 0.4), turned(np.pi / 2, 0, np.pi / 2), "faces away"),
@@ -65,13 +61,11 @@ def test_the_back_of_a_tag_is_not_found(room: Room, take: Take) -> None:
     ("obstacle", "found"),
     [(pillar(0.6), []), (pillar(0.1), [0]), (pillar(2.0, foot=0.6), [0]), (pillar(2.0, 0.2), [])],
 )
-def test_an_obstacle_hides_the_tags_in_its_shadow(
-    room: Room, take: Take, obstacle: Obstacle, found: list[int]
-) -> None:
+def test_an_obstacle_hides_the_tags_in_its_shadow(obstacle: Obstacle, found: list[int]) -> None:
     assert list(OnboardDetector(CAMERA, [lying(0, 0.8)], room(obstacle)).detect(take())[0]) == found
 
 
-def test_a_tag_on_the_face_or_the_top_of_an_obstacle_is_found(room: Room, take: Take) -> None:
+def test_a_tag_on_the_face_or_the_top_of_an_obstacle_is_found() -> None:
     box = Obstacle("box", (((0.7, -0.5), (1.2, -0.5), (1.2, 0.5), (0.7, 0.5)),), (0.0, 0.3))
     tags = [
         Tag(0, 0.15, (0.7, 0.0, 0.15), turned(np.pi / 2, 0, -np.pi / 2), "face"),
@@ -80,7 +74,7 @@ def test_a_tag_on_the_face_or_the_top_of_an_obstacle_is_found(room: Room, take: 
     assert list(OnboardDetector(CAMERA, tags, room(box)).detect(take())[0]) == [0, 1]
 
 
-def test_noise_moves_each_corner_by_its_deviation(room: Room, take: Take) -> None:
+def test_noise_moves_each_corner_by_its_deviation() -> None:
     tags = [lying(i, 0.6 + 0.25 * (i % 3), 0.25 * (i // 3) - 0.25) for i in range(9)]
     detector = OnboardDetector(CAMERA, tags, room(), noise=0.5)
     rng = np.random.default_rng(0)
@@ -92,7 +86,7 @@ def test_noise_moves_each_corner_by_its_deviation(room: Room, take: Take) -> Non
     assert (again == errors[0]).all()
 
 
-def test_a_world_without_tags_gives_empty_tables(room: Room, take: Take) -> None:
+def test_a_world_without_tags_gives_empty_tables() -> None:
     ids, corners = OnboardDetector(CAMERA, [], room()).detect(take(), np.random.default_rng(0))
     assert ids.shape == (0,)
     assert corners.shape == (0, 4, 2)

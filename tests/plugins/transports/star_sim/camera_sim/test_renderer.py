@@ -4,22 +4,19 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-from collections.abc import Callable
 
 import cv2
 import numpy as np
 import pytest
 
-from star_core import Array, Camera, Image, Obstacle, Tag, World
+from star_core import Array, Camera, Image, Obstacle, Tag
 from star_core.world.quaternions import turned
 from star_sim.camera_sim.camera_pose import Shot
-from star_sim.camera_sim.floor_texture import Floor
 from star_sim.camera_sim.geometric import OnboardDetector
 from star_sim.camera_sim.renderer import Renderer
 from star_sim.camera_sim.tag_rasterizer import INK, PAPER
+from tests.plugins.transports.star_sim.camera_sim.conftest import ground, room, take
 
-Take = Callable[..., Shot]
-Room = Callable[..., World]
 CAMERA = Camera()
 DOWN = dataclasses.replace(CAMERA, pitch=np.pi / 2, distortion=(0.0, 0.0, 0.0, 0.0, 0.0))
 UPRIGHT = turned(np.pi / 2, 0, -np.pi / 2)  # hangs, facing -x
@@ -70,43 +67,33 @@ def edge_fit(image: Image, corners: Array, half: float) -> Array:
     return np.array(found)
 
 
-@pytest.fixture(scope="module")
-def pair(ground: Floor, room: Room) -> Renderer:
-    return Renderer(CAMERA, [lying(3, 0.8, 0.105), lying(4, 0.8, -0.105)], room(), ground)
+def pair() -> Renderer:
+    return Renderer(CAMERA, [lying(3, 0.8, 0.105), lying(4, 0.8, -0.105)], room(), ground())
 
 
-def test_the_same_seed_gives_the_same_bytes(pair: Renderer, take: Take) -> None:
+def test_the_same_seed_gives_the_same_bytes() -> None:
     shot = take(velocity=(0.3, 0.1, 0.0), rates=(0.0, 0.1, 0.8))
-    first, again, other = (picture(pair, shot, np.random.default_rng(s)) for s in (5, 5, 6))
+    first, again, other = (picture(pair(), shot, np.random.default_rng(s)) for s in (5, 5, 6))
     assert first.shape == (244, 324)
     assert first.dtype == np.uint8
     assert (first == again).all()
     assert (first != other).any()
 
 
-def test_another_renderer_of_the_same_scene_gives_the_same_bytes(
-    pair: Renderer, ground: Floor, room: Room, take: Take
-) -> None:
-    twin = Renderer(CAMERA, [lying(3, 0.8, 0.105), lying(4, 0.8, -0.105)], room(), ground)
-    assert (picture(pair, take()) == picture(twin, take())).all()
-
-
 @pytest.mark.parametrize("yaw", [0.0, 1.0, 2.5, -1.2])
-def test_a_tag_has_its_rotation(yaw: float, ground: Floor, room: Room, take: Take) -> None:
+def test_a_tag_has_its_rotation(yaw: float) -> None:
     tags = [lying(7, 0.75, yaw=yaw)]
     shot = take()
     ids, corners = OnboardDetector(CAMERA, tags, room()).detect(shot)
-    seen = detected(picture(Renderer(CAMERA, tags, room(), ground), shot))
+    seen = detected(picture(Renderer(CAMERA, tags, room(), ground()), shot))
     assert list(ids) == [7]
     assert seen[7][[3, 2, 1, 0]] == pytest.approx(corners[0], abs=2.0)
 
 
-def test_unrotated_tags_are_upright_for_a_north_facing_camera(
-    ground: Floor, room: Room, take: Take
-) -> None:
+def test_unrotated_tags_are_upright_for_a_north_facing_camera() -> None:
     tags = [lying(7, 0.0, 0.75)]  # the map's y axis, hence the tag's, points away from the camera
     corners = detected(
-        picture(Renderer(CAMERA, tags, room(), ground), take(turn=(0, 0, np.pi / 2)))
+        picture(Renderer(CAMERA, tags, room(), ground()), take(turn=(0, 0, np.pi / 2)))
     )
     upper_left, upper_right, lower_right, lower_left = corners[7]
     assert upper_left[0] < upper_right[0]
@@ -114,7 +101,7 @@ def test_unrotated_tags_are_upright_for_a_north_facing_camera(
     assert upper_left[1] < lower_left[1]
 
 
-def test_rendered_edges_are_unbiased_for_any_motion(ground: Floor, room: Room, take: Take) -> None:
+def test_rendered_edges_are_unbiased_for_any_motion() -> None:
     rng = np.random.default_rng(3)
     errors, directions = [], []
     for number in range(40):
@@ -129,7 +116,7 @@ def test_rendered_edges_are_unbiased_for_any_motion(ground: Floor, room: Room, t
         _, corners = OnboardDetector(CAMERA, [tag], world).detect(shot)
         if not len(corners):
             continue
-        image = picture(Renderer(CAMERA, [tag], world, ground), shot, rng)
+        image = picture(Renderer(CAMERA, [tag], world, ground()), shot, rng)
         errors.append(edge_fit(image, corners[0], 3.0) - corners[0])
         outward = corners[0] - corners[0].mean(axis=0)
         directions.append(outward / np.linalg.norm(outward, axis=1, keepdims=True))
@@ -140,9 +127,7 @@ def test_rendered_edges_are_unbiased_for_any_motion(ground: Floor, room: Room, t
     assert np.sqrt((error**2).mean()) < 0.15
 
 
-def test_a_picture_is_the_mean_of_one_that_is_four_times_as_fine(
-    ground: Floor, room: Room, take: Take
-) -> None:
+def test_a_picture_is_the_mean_of_one_that_is_four_times_as_fine() -> None:
     camera = dataclasses.replace(CAMERA, readout=0.0)  # whose rows would differ
     fx, fy, cx, cy = camera.matrix
     fine = dataclasses.replace(
@@ -154,7 +139,7 @@ def test_a_picture_is_the_mean_of_one_that_is_four_times_as_fine(
     tag, shot = lying(11, 0.85, yaw=0.4), take(turn=(0.02, -0.03, 0.05), velocity=(0.1, 0.1, 0.0))
     _, corners = OnboardDetector(camera, [tag], room()).detect(shot)
     one, many = (
-        picture(Renderer(kind, [tag], room(), ground, noise=0.0, blur=0.0), shot).astype(float)
+        picture(Renderer(kind, [tag], room(), ground(), noise=0.0, blur=0.0), shot).astype(float)
         for kind in (camera, fine)
     )
     left, top = corners[0].min(axis=0).astype(int) - 3
@@ -165,11 +150,11 @@ def test_a_picture_is_the_mean_of_one_that_is_four_times_as_fine(
     assert abs(difference.mean()) < 0.6
 
 
-def test_tags_are_found_near_and_lost_far(ground: Floor, room: Room, take: Take) -> None:
+def test_tags_are_found_near_and_lost_far() -> None:
     tags = [lying(10 * i + j, 0.45 * i, 0.45 * j - 1.0) for i in range(8) for j in range(6)]
     frame = {tag.id: tag.position for tag in tags}
     renderer, detector = (
-        Renderer(CAMERA, tags, room(), ground),
+        Renderer(CAMERA, tags, room(), ground()),
         OnboardDetector(CAMERA, tags, room()),
     )
     rng = np.random.default_rng(0)
@@ -187,44 +172,44 @@ def test_tags_are_found_near_and_lost_far(ground: Floor, room: Room, take: Take)
     assert max(far) < 2.2
 
 
-def test_a_tag_on_a_wall_is_seen_from_its_front_only(ground: Floor, room: Room, take: Take) -> None:
+def test_a_tag_on_a_wall_is_seen_from_its_front_only() -> None:
     tag = Tag(2, 0.168, (1.0, 0.0, 0.5), UPRIGHT, "wall")
-    renderer = Renderer(CAMERA, [tag], room(), ground)
-    bare = Renderer(CAMERA, [], room(), ground)
+    renderer = Renderer(CAMERA, [tag], room(), ground())
+    bare = Renderer(CAMERA, [], room(), ground())
     behind = take((1.9, 0, 0.8), (0, 0, np.pi))
     assert list(detected(picture(renderer, take()))) == [2]
     assert (picture(renderer, behind) == picture(bare, behind)).all()
 
 
-def test_a_tag_hangs_on_the_face_of_an_obstacle(ground: Floor, room: Room, take: Take) -> None:
+def test_a_tag_hangs_on_the_face_of_an_obstacle() -> None:
     tag = Tag(2, 0.168, (1.0, 0.0, 0.5), UPRIGHT, "wall")
     wall = Obstacle("wall", (((1.0, -2), (1.1, -2), (1.1, 2), (1.0, 2)),), (0.0, 2.0))
-    assert list(detected(picture(Renderer(CAMERA, [tag], room(wall), ground), take()))) == [2]
+    assert list(detected(picture(Renderer(CAMERA, [tag], room(wall), ground()), take()))) == [2]
 
 
-def test_an_obstacle_hides_what_is_behind_it(ground: Floor, room: Room, take: Take) -> None:
+def test_an_obstacle_hides_what_is_behind_it() -> None:
     wall = Obstacle("wall", (((0.6, -2), (0.62, -2), (0.62, 2), (0.6, 2)),), (0.0, 0.7))
     shot = take()
-    hidden = Renderer(CAMERA, [lying(3, 0.8)], room(wall), ground)
-    bare = Renderer(CAMERA, [], room(wall), ground)
-    plain = Renderer(CAMERA, [], room(), ground)
+    hidden = Renderer(CAMERA, [lying(3, 0.8)], room(wall), ground())
+    bare = Renderer(CAMERA, [], room(wall), ground())
+    plain = Renderer(CAMERA, [], room(), ground())
     assert (picture(hidden, shot) == picture(bare, shot)).all()
     assert (picture(bare, shot) != picture(plain, shot)).mean() > 0.3
 
 
-def test_a_nearer_tag_hides_a_farther_one(ground: Floor, room: Room, take: Take) -> None:
+def test_a_nearer_tag_hides_a_farther_one() -> None:
     sign = Tag(2, 0.5, (0.6, 0.0, 0.25), UPRIGHT, "sign")
-    one = Renderer(CAMERA, [lying(3, 0.9), sign], room(), ground)
-    two = Renderer(CAMERA, [sign, lying(3, 0.9)], room(), ground)
-    alone = Renderer(CAMERA, [sign], room(), ground)
+    one = Renderer(CAMERA, [lying(3, 0.9), sign], room(), ground())
+    two = Renderer(CAMERA, [sign, lying(3, 0.9)], room(), ground())
+    alone = Renderer(CAMERA, [sign], room(), ground())
     shot = take()
     assert (picture(one, shot) == picture(alone, shot)).all()
     assert (picture(two, shot) == picture(alone, shot)).all()
 
 
-def test_rims_that_touch_leave_no_seam(ground: Floor, room: Room, take: Take) -> None:
+def test_rims_that_touch_leave_no_seam() -> None:
     tags = [lying(3, 0.0, 0.105), lying(4, 0.0, -0.105)]
-    renderer = Renderer(DOWN, tags, room(), ground, noise=0.0)
+    renderer = Renderer(DOWN, tags, room(), ground(), noise=0.0)
     shot = take((-0.025, 0.0, 0.485), (0, 0, 0.3))  # over the seam
     image = picture(renderer, shot)
     v, u = round(DOWN.matrix[3]), round(DOWN.matrix[2])
@@ -232,10 +217,10 @@ def test_rims_that_touch_leave_no_seam(ground: Floor, room: Room, take: Take) ->
     assert image.min() > INK * 0.6
 
 
-def test_motion_blurs_along_its_way_only(ground: Floor, room: Room, take: Take) -> None:
+def test_motion_blurs_along_its_way_only() -> None:
     tags = [lying(3, 0.0)]
     camera = dataclasses.replace(DOWN, exposure=0.04, readout=0.0)
-    renderer = Renderer(camera, tags, room(), ground, noise=0.0)
+    renderer = Renderer(camera, tags, room(), ground(), noise=0.0)
 
     def sharpness(shot: Shot) -> tuple[float, float]:
         image = picture(renderer, shot).astype(float)[100:220, 100:240]
@@ -248,10 +233,8 @@ def test_motion_blurs_along_its_way_only(ground: Floor, room: Room, take: Take) 
     assert sharp > 0.9 * right
 
 
-def test_the_floor_moves_with_the_camera_as_a_floor_does(
-    ground: Floor, room: Room, take: Take
-) -> None:
-    renderer = Renderer(DOWN, [], room(), ground, noise=0.0)
+def test_the_floor_moves_with_the_camera_as_a_floor_does() -> None:
+    renderer = Renderer(DOWN, [], room(), ground(), noise=0.0)
     pixel = 1.0 / 180.05  # m, at one metre
     here = picture(renderer, take((0.0, 0.0, 0.985))).astype(float)
     there = picture(renderer, take((0.0, 10 * pixel, 0.985))).astype(float)
@@ -261,26 +244,24 @@ def test_the_floor_moves_with_the_camera_as_a_floor_does(
     assert np.corrcoef(here[middle].ravel(), there[middle].ravel())[0, 1] < 0.6
 
 
-def test_noise_has_the_deviation_it_was_given(ground: Floor, room: Room, take: Take) -> None:
+def test_noise_has_the_deviation_it_was_given() -> None:
     rng = np.random.default_rng(0)
     for read, shot_noise in ((4.0, 0.0), (8.0, 0.0), (0.0, 0.5)):
-        renderer = Renderer(CAMERA, [], room(), ground, noise=read, shot_noise=shot_noise)
+        renderer = Renderer(CAMERA, [], room(), ground(), noise=read, shot_noise=shot_noise)
         one, two = (picture(renderer, take(), rng).astype(float) for _ in range(2))
         light = (one + two) / 2
         expected = np.sqrt(read**2 + shot_noise * light.mean())
         assert (one - two).std() / np.sqrt(2) == pytest.approx(expected, rel=0.03)
 
 
-def test_light_falls_off_towards_the_corners(ground: Floor, room: Room, take: Take) -> None:
+def test_light_falls_off_towards_the_corners() -> None:
     sheet = Tag(0, 40.0, (0.0, 0.0, 0.0), turned(0, 0, 0), "vast")  # its rim fills the view
-    image = picture(Renderer(DOWN, [sheet], room(), ground, noise=0.0), take((-22.525, 0, 0.5)))
+    image = picture(Renderer(DOWN, [sheet], room(), ground(), noise=0.0), take((-22.525, 0, 0.5)))
     assert image[160, 169] == pytest.approx(PAPER, abs=1)
     assert image[0, 0] == pytest.approx(0.7 * PAPER, abs=2)
 
 
 @pytest.mark.parametrize("at", [(0.0, 0.0, 0.0), (0.0, 0.0, -0.1), (50.0, 80.0, 3.0)])
-def test_images_from_odd_poses_are_images(
-    pair: Renderer, take: Take, at: tuple[float, ...]
-) -> None:
+def test_images_from_odd_poses_are_images(at: tuple[float, ...]) -> None:
     for turn in ((0, 0, 0), (np.pi, 0, 0), (0, -np.pi / 2, 0), (0, np.pi / 4, 1.0)):
-        assert picture(pair, take(at, turn, rates=(5.0, 5.0, 5.0))).std() > 1
+        assert picture(pair(), take(at, turn, rates=(5.0, 5.0, 5.0))).std() > 1
