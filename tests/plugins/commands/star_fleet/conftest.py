@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeAlias
 
 import pytest
 
@@ -110,8 +110,11 @@ class Bench:
         self.fleet.close()
 
 
+Start: TypeAlias = Callable[..., Bench]
+
+
 @pytest.fixture
-def start() -> Iterator[Callable[..., Bench]]:
+def start() -> Iterator[Start]:
     made = []
 
     def make(n: int = 1, **options: Any) -> Bench:
@@ -123,9 +126,15 @@ def start() -> Iterator[Callable[..., Bench]]:
         bench.close()
 
 
-def aloft(start: Callable[..., Bench], **options: Any) -> Bench:
-    """Return a bench whose vehicle hovers at 0.8 m."""
-    bench = start(**options)
+@pytest.fixture
+def bench(start: Start) -> Bench:
+    """A fleet of one vehicle, on the floor."""
+    return start()
+
+
+@pytest.fixture
+def aloft(bench: Bench) -> Bench:
+    """A fleet of one vehicle, which hovers at 0.8 m."""
     assert bench.takeoff() == 0
     bench.fly(3.0)
     return bench

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable
 from typing import Any
 
 import pytest
 
 from star_fleet import log, parameters
 from star_fleet.packet import NULL, Port, described
-
-Start = Callable[..., Any]
+from tests.plugins.commands.star_fleet.conftest import Bench, Start
 
 
 def test_a_null_packet_is_answered_with_one(start: Start) -> None:
@@ -38,9 +36,8 @@ def test_an_echo_is_the_same_bytes(start: Start) -> None:
     [(Port.LOG, log.CONTENTS, b"\x10\x80"), (Port.PARAMETERS, parameters.CONTENTS, b"")],
 )
 def test_a_table_has_its_size_and_every_entry(
-    start: Start, port: int, contents: Any, tail: bytes
+    bench: Bench, port: int, contents: Any, tail: bytes
 ) -> None:
-    bench = start()
     (info,) = bench.ask(port, 0, b"\x03")
     command, count, _checksum = struct.unpack_from("<BHI", info)
     assert (command, count, info[7:]) == (3, len(contents.entries), tail)
@@ -54,8 +51,7 @@ def test_an_entry_that_is_not_there_is_answered_without_one(start: Start) -> Non
     assert start().ask(Port.LOG, 0, struct.pack("<BH", 2, 60000)) == [b"\x02"]
 
 
-def test_the_checksums_of_the_tables_differ(start: Start) -> None:
-    bench = start()
+def test_the_checksums_of_the_tables_differ(bench: Bench) -> None:
     sums = {bench.ask(port, 0, b"\x03")[0][3:7] for port in (Port.LOG, Port.PARAMETERS)}
     assert len(sums) == 2
 
@@ -66,8 +62,7 @@ def test_every_name_is_unique_and_fits_into_a_packet() -> None:
         assert all(len(described(entry)) <= 27 for entry in contents.entries)
 
 
-def test_configuration_and_trajectory_are_the_first_memories(start: Start) -> None:
-    bench = start()
+def test_configuration_and_trajectory_are_the_first_memories(bench: Bench) -> None:
     assert bench.ask(Port.MEMORY, 0, b"\x01") == [b"\x01\x06"]
     (configuration,) = bench.ask(Port.MEMORY, 0, b"\x02\x00")
     assert struct.unpack("<BBBI8s", configuration) == (2, 0, 0x00, 112, bytes(8))
@@ -76,8 +71,7 @@ def test_configuration_and_trajectory_are_the_first_memories(start: Start) -> No
     assert bench.ask(Port.MEMORY, 0, b"\x02\x09") == [b"\x02\x09"]
 
 
-def test_a_vehicle_reports_that_it_runs_once_a_client_listens(start: Start) -> None:
-    bench = start()
+def test_a_vehicle_reports_that_it_runs_once_a_client_listens(bench: Bench) -> None:
     bench.fly(0.1)
     assert bench.streamed[0] == []
     bench.ask(Port.LINK, 0, b"hello")
@@ -87,7 +81,6 @@ def test_a_vehicle_reports_that_it_runs_once_a_client_listens(start: Start) -> N
     assert all(packet[0] == 0 and len(packet) <= 31 for packet in bench.streamed[0])
 
 
-def test_a_port_that_is_closed_is_not_answered(start: Start) -> None:
-    bench = start()
+def test_a_port_that_is_closed_is_not_answered(bench: Bench) -> None:
     for port in (1, 10, 11, 12, 14):
         assert bench.ask(port, 0, b"\0\0\0") == []

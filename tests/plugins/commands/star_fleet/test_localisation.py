@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -14,8 +13,7 @@ import pytest
 from star_core.testing import scene
 from star_fleet.conditions import Condition, with_receivers
 from star_fleet.packet import Port, compress
-
-Start = Callable[..., Any]
+from tests.plugins.commands.star_fleet.conftest import Bench, Start
 
 
 def believed(bench: Any, row: int = 0) -> Any:
@@ -96,26 +94,22 @@ def test_no_deviation_is_taken_for_a_small_one(start: Start) -> None:
     assert np.isfinite(believed(bench)).all()
 
 
-def test_the_estimator_starts_anew_at_the_position_that_is_sent(start: Start) -> None:
-    bench = start()
-    bench.takeoff()
-    bench.fly(3.0)
-    bench.go(0.6, -0.4, 0.8, 0.5)
-    bench.fly(4.0)
-    bench.land()
-    bench.fly(4.0)
-    bench.write("kalman.initialX", "f", 2.0)
-    bench.write("kalman.initialYaw", "f", 1.0)
-    bench.write("kalman.resetEstimation", "B", 1)
-    bench.fly(0.1)
-    x, y, yaw = bench.log("stateEstimate.x", "stateEstimate.y", "stateEstimate.yaw")
+def test_the_estimator_starts_anew_at_the_position_that_is_sent(aloft: Bench) -> None:
+    aloft.go(0.6, -0.4, 0.8, 0.5)
+    aloft.fly(4.0)
+    aloft.land()
+    aloft.fly(4.0)
+    aloft.write("kalman.initialX", "f", 2.0)
+    aloft.write("kalman.initialYaw", "f", 1.0)
+    aloft.write("kalman.resetEstimation", "B", 1)
+    aloft.fly(0.1)
+    x, y, yaw = aloft.log("stateEstimate.x", "stateEstimate.y", "stateEstimate.yaw")
     assert (x, y, yaw) == pytest.approx((2.0, 0.0, math.degrees(1.0)), abs=0.01)
-    (answer,) = bench.ask(Port.PARAMETERS, 3, b"\0kalman\0resetEstimation\0\x08\x00")
+    (answer,) = aloft.ask(Port.PARAMETERS, 3, b"\0kalman\0resetEstimation\0\x08\x00")
     assert answer[-1] == 0
 
 
-def test_a_flight_after_a_new_start_is_in_the_new_frame(start: Start) -> None:
-    bench = start()
+def test_a_flight_after_a_new_start_is_in_the_new_frame(bench: Bench) -> None:
     bench.write("kalman.initialYaw", "f", math.pi / 2)
     bench.write("kalman.resetEstimation", "B", 1)
     bench.takeoff(yaw=math.pi / 2)

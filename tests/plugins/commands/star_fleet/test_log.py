@@ -5,7 +5,6 @@ from __future__ import annotations
 import errno
 import math
 import struct
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -16,8 +15,8 @@ from hypothesis import strategies as st
 from star_fleet.packet import NULL, Port, expand
 from star_fleet.variables import FLOAT, FORMAT, HALF, I8, I16, U16, VARIABLES, cast, cast_one
 from star_sim.airframe import DRAG_XY, GRAVITY, MASS
+from tests.plugins.commands.star_fleet.conftest import Bench, Start
 
-Start = Callable[..., Any]
 NUMBER = {entry.name: i for i, entry in enumerate(VARIABLES)}
 
 
@@ -32,41 +31,41 @@ def control(bench: Any, *parts: int, more: bytes = b"") -> int:
     return int(answer[2])
 
 
+def begin(bench: Bench, *variable: tuple[int, str], period: int = 1) -> None:
+    """Let a drone report variables, by default ``pm.vbat``, in block 1; the period is in 10 ms."""
+    chosen = variables(*(variable or ((FLOAT, "pm.vbat"),)))
+    assert control(bench, 6, 1, more=chosen) == 0
+    assert control(bench, 3, 1, period) == 0
+
+
 def data(bench: Any) -> list[bytes]:
     return [packet for packet in bench.streamed[0] if packet[0] == Port.LOG << 4 | 2]
 
 
-def test_log_blocks_are_sent_periodically_with_timestamps(start: Start) -> None:
-    bench = start()
-    assert control(bench, 6, 1, more=variables((FLOAT, "pm.vbat"))) == 0
-    assert control(bench, 3, 1, 5) == 0
+def test_log_blocks_are_sent_periodically_with_timestamps(bench: Bench) -> None:
+    begin(bench, period=5)
     bench.fly(1.0)
     stamps = [int.from_bytes(packet[2:5], "little") for packet in data(bench)]
     assert stamps == list(range(50, 1001, 50))
     assert all(packet[1] == 1 and len(packet) == 9 for packet in data(bench))
 
 
-def test_a_period_may_be_given_in_milliseconds(start: Start) -> None:
-    bench = start()
+def test_a_period_may_be_given_in_milliseconds(bench: Bench) -> None:
     control(bench, 6, 1, more=variables((FLOAT, "pm.vbat")))
     assert control(bench, 8, 1, more=struct.pack("<H", 250)) == 0
     bench.fly(1.0)
     assert len(data(bench)) == 4
 
 
-def test_a_period_of_nothing_sends_once(start: Start) -> None:
-    bench = start()
-    control(bench, 6, 1, more=variables((FLOAT, "pm.vbat")))
-    control(bench, 3, 1, 0)
+def test_a_period_of_nothing_sends_once(bench: Bench) -> None:
+    begin(bench, period=0)
     bench.fly(0.5)
     assert len(data(bench)) == 1
 
 
 @pytest.mark.parametrize("end", [4, 2, 5])
-def test_a_block_that_is_stopped_deleted_or_reset_is_not_sent(start: Start, end: int) -> None:
-    bench = start()
-    control(bench, 6, 1, more=variables((FLOAT, "pm.vbat")))
-    control(bench, 3, 1, 1)
+def test_a_block_that_is_stopped_deleted_or_reset_is_not_sent(bench: Bench, end: int) -> None:
+    begin(bench)
     bench.fly(0.1)
     assert control(bench, end, 1) == 0
     bench.streamed[0].clear()
@@ -82,8 +81,7 @@ def test_blocks_are_deleted_when_no_packet_arrives(
     start: Start, timeout: float, silence: float, *, deleted: bool
 ) -> None:
     bench = start(link_timeout=timeout)
-    control(bench, 6, 1, more=variables((FLOAT, "pm.vbat")))
-    control(bench, 3, 1, 1)
+    begin(bench)
     bench.fly(silence, polled=False)
     assert control(bench, 3, 1, 1) == (errno.ENOENT if deleted else 0)
     count = len(data(bench))
@@ -91,10 +89,8 @@ def test_blocks_are_deleted_when_no_packet_arrives(
     assert (len(data(bench)) == count) is deleted
 
 
-def test_a_vehicle_flies_on_when_its_blocks_are_deleted(start: Start) -> None:
-    bench = start()
-    control(bench, 6, 1, more=variables((FLOAT, "pm.vbat")))
-    control(bench, 3, 1, 1)
+def test_a_vehicle_flies_on_when_its_blocks_are_deleted(bench: Bench) -> None:
+    begin(bench)
     bench.fly(0.5)
     bench.takeoff()
     bench.fly(5.0, polled=False)
@@ -102,17 +98,14 @@ def test_a_vehicle_flies_on_when_its_blocks_are_deleted(start: Start) -> None:
     assert control(bench, 3, 1, 1) == errno.ENOENT
 
 
-def test_a_link_over_tcp_has_no_timeout(start: Start) -> None:
-    bench = start()
-    control(bench, 6, 1, more=variables((FLOAT, "pm.vbat")))
-    control(bench, 3, 1, 1)
+def test_a_link_over_tcp_has_no_timeout(bench: Bench) -> None:
+    begin(bench)
     bench.fleet.handle(0, NULL, tcp=True)
     bench.fly(2.0, polled=False)
     assert control(bench, 3, 1, 1) == 0
 
 
-def test_a_block_can_be_appended_to(start: Start) -> None:
-    bench = start()
+def test_a_block_can_be_appended_to(bench: Bench) -> None:
     control(bench, 6, 1, more=variables((FLOAT, "pm.vbat")))
     assert control(bench, 7, 1, more=variables((U16, "supervisor.info"))) == 0
     control(bench, 3, 1, 1)
@@ -122,8 +115,7 @@ def test_a_block_can_be_appended_to(start: Start) -> None:
     assert info == 0b1110
 
 
-def test_a_repeated_append_appends_what_fits_again(start: Start) -> None:
-    bench = start()
+def test_a_repeated_append_appends_what_fits_again(bench: Bench) -> None:
     control(bench, 6, 1, more=variables((FLOAT, "pm.vbat")))
     more = variables(*[(FLOAT, "pm.vbat")] * 2, (U16, "supervisor.info"))
     errors = [control(bench, 7, 1, more=more) for _time in range(3)]
@@ -133,8 +125,7 @@ def test_a_repeated_append_appends_what_fits_again(start: Start) -> None:
     assert len(data(bench)[0][5:]) == 4 + 10 + 10  # of the third nothing fits
 
 
-def test_errors_are_the_firmwares(start: Start) -> None:
-    bench = start()
+def test_errors_are_the_firmwares(bench: Bench) -> None:
     one = variables((FLOAT, "pm.vbat"))
     assert control(bench, 3, 1, 10) == errno.ENOENT
     assert control(bench, 6, 1, more=one) == 0
@@ -147,19 +138,15 @@ def test_errors_are_the_firmwares(start: Start) -> None:
     assert control(bench, 6, 17, more=one) == errno.ENOMEM
 
 
-def test_no_more_than_128_variables_are_logged_at_once(start: Start) -> None:
-    bench = start()
+def test_no_more_than_128_variables_are_logged_at_once(bench: Bench) -> None:
     eight = variables(*[(I8, "pm.state")] * 8)
     for number in range(16):
         assert control(bench, 6, number, more=eight) == 0
     assert control(bench, 7, 0, more=variables((I8, "pm.state"))) == errno.ENOMEM
 
 
-def test_a_variable_is_converted_to_the_type_that_is_asked_for(start: Start) -> None:
-    bench = start()
-    wanted = variables((U16, "pm.vbat"), (HALF, "pm.vbat"), (FLOAT, "pm.vbatMV"))
-    control(bench, 6, 1, more=wanted)
-    control(bench, 3, 1, 1)
+def test_a_variable_is_converted_to_the_type_that_is_asked_for(bench: Bench) -> None:
+    begin(bench, (U16, "pm.vbat"), (HALF, "pm.vbat"), (FLOAT, "pm.vbatMV"))
     bench.fly(0.02)
     whole, half, millivolts = struct.unpack("<Hef", data(bench)[0][5:])
     assert whole == 4
@@ -180,50 +167,40 @@ def test_every_variable_can_be_logged_in_flight(start: Start) -> None:
         assert math.isfinite(value), entry.name
 
 
-def test_angles_and_rates_have_the_firmwares_signs(start: Start) -> None:
-    bench = start()
-    bench.takeoff()
-    bench.fly(3.0)
-    bench.fly(0.25, "Bffff", 8, 1.0, 0.0, 0.0, 0.0)  # ahead: nose down
-    (down, packed) = bench.log("stateEstimate.pitch", "stateEstimateZ.quat")
+def test_angles_and_rates_have_the_firmwares_signs(aloft: Bench) -> None:
+    aloft.fly(0.25, "Bffff", 8, 1.0, 0.0, 0.0, 0.0)  # ahead: nose down
+    (down, packed) = aloft.log("stateEstimate.pitch", "stateEstimateZ.quat")
     assert down < -1
     x, y, z, w = expand(packed)
     nose_down = math.degrees(math.asin(2 * (w * y - z * x)))
     assert nose_down == pytest.approx(-down, abs=0.3)
-    bench.fly(1.0, "Bffff", 8, 0.0, 0.0, 0.0, 90.0)  # to the left
-    yaw, rate, packed_rate = bench.log("stateEstimate.yaw", "gyro.z", "stateEstimateZ.rateYaw")
+    aloft.fly(1.0, "Bffff", 8, 0.0, 0.0, 0.0, 90.0)  # to the left
+    yaw, rate, packed_rate = aloft.log("stateEstimate.yaw", "gyro.z", "stateEstimateZ.rateYaw")
     assert 45 < yaw < 90
     assert rate == pytest.approx(90, abs=15)
     assert packed_rate == pytest.approx(1000 * math.radians(rate), abs=2)
-    x, y, ahead, aside, height = bench.log(
+    x, y, ahead, aside, height = aloft.log(
         "stateEstimate.vx", "stateEstimate.vy", "kalman.statePX", "kalman.statePY", "range.zrange"
     )
     assert math.hypot(x, y) == pytest.approx(math.hypot(ahead, aside), abs=0.02)
     assert height == pytest.approx(800, abs=60)
 
 
-def test_ranger_measures_the_distance_to_the_surface(start: Start) -> None:
-    bench = start()
-    bench.takeoff()
-    bench.fly(3.0)
-    bench.fleet.simulator.drones["surface"] = 0.3
-    (distance,) = bench.log("range.zrange")
+def test_ranger_measures_the_distance_to_the_surface(aloft: Bench) -> None:
+    aloft.fleet.simulator.drones["surface"] = 0.3
+    (distance,) = aloft.log("range.zrange")
     assert distance == pytest.approx(500, abs=60)
 
 
-def test_what_the_controller_wants_is_what_the_vehicle_does(start: Start) -> None:
-    bench = start()
-    bench.takeoff()
-    bench.fly(3.0)
-    bench.fly(1.0, "Bffff", 9, 5.0, -4.0, 0.0, 0.8)
-    roll, pitch = bench.log("controller.roll", "controller.pitch")
+def test_what_the_controller_wants_is_what_the_vehicle_does(aloft: Bench) -> None:
+    aloft.fly(1.0, "Bffff", 9, 5.0, -4.0, 0.0, 0.8)
+    roll, pitch = aloft.log("controller.roll", "controller.pitch")
     assert (roll, pitch) == pytest.approx((5.0, -4.0), abs=0.3)
-    rates = bench.log("controller.rollRate", "controller.pitchRate")
+    rates = aloft.log("controller.rollRate", "controller.pitchRate")
     assert rates == pytest.approx((0, 0), abs=10)
 
 
-def test_body_velocities_turn_with_the_drone(start: Start) -> None:
-    bench = start()
+def test_body_velocities_turn_with_the_drone(bench: Bench) -> None:
     bench.takeoff(yaw=math.pi / 2)
     bench.fly(3.0)
     bench.fly(2.0, "Bffff", 8, 0.3, 0.0, 0.0, 0.0)
@@ -232,8 +209,7 @@ def test_body_velocities_turn_with_the_drone(start: Start) -> None:
     assert aside == pytest.approx(-0.3, abs=0.03)
 
 
-def test_accelerometer_shows_gravity_at_rest_and_in_hover(start: Start) -> None:
-    bench = start()
+def test_accelerometer_shows_gravity_at_rest_and_in_hover(bench: Bench) -> None:
     bench.fly(0.1)
     assert bench.log("acc.z", "stateEstimate.az") == pytest.approx((1.0, 0.0), abs=0.01)
     bench.takeoff()
@@ -241,12 +217,9 @@ def test_accelerometer_shows_gravity_at_rest_and_in_hover(start: Start) -> None:
     assert bench.log("acc.z", "stateEstimate.az") == pytest.approx((1.0, 0.0), abs=0.05)
 
 
-def test_an_accelerometer_measures_the_drag_of_the_air(start: Start) -> None:
-    bench = start()
-    bench.takeoff()
-    bench.fly(3.0)
-    bench.fly(2.0, "Bffff", 8, 0.3, 0.0, 0.0, 0.0)
-    vx, ahead = bench.log("kalman.statePX", "acc.x")
+def test_an_accelerometer_measures_the_drag_of_the_air(aloft: Bench) -> None:
+    aloft.fly(2.0, "Bffff", 8, 0.3, 0.0, 0.0, 0.0)
+    vx, ahead = aloft.log("kalman.statePX", "acc.x")
     assert ahead == pytest.approx(-DRAG_XY / MASS / GRAVITY * vx, abs=0.002)
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import errno
 import struct
 import zlib
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -17,8 +16,7 @@ from star_core.world.world import Beacon
 from star_fleet.decks import OPTIONAL
 from star_fleet.memory import READ, WRITE, Memories
 from star_fleet.packet import Port
-
-Start = Callable[..., Any]
+from tests.plugins.commands.star_fleet.conftest import Bench, Start
 
 
 def write(bench: Any, address: int, data: bytes, memory: int = 1) -> int:
@@ -36,14 +34,12 @@ def read(bench: Any, address: int, count: int, memory: int = 1) -> tuple[int, by
     return answer[5], answer[6:]
 
 
-def test_what_is_written_is_read(start: Start) -> None:
-    bench = start()
+def test_what_is_written_is_read(bench: Bench) -> None:
     assert write(bench, 4072, b"x" * 24) == 0
     assert read(bench, 4072, 24) == (0, b"x" * 24)
 
 
-def test_what_is_outside_a_memory_is_an_error(start: Start) -> None:
-    bench = start()
+def test_what_is_outside_a_memory_is_an_error(bench: Bench) -> None:
     assert write(bench, 4090, b"x" * 24) == errno.EIO
     assert read(bench, 4090, 24) == (errno.EIO, b"")
     assert read(bench, 0, 25) == (errno.EIO, b"")
@@ -114,8 +110,7 @@ def test_a_deck_with_a_controller_describes_itself(start: Start) -> None:
     assert write(bench, 0, b"x", number) == errno.EIO
 
 
-def test_the_tester_reads_addresses_and_counts_errors(start: Start) -> None:
-    bench = start()
+def test_the_tester_reads_addresses_and_counts_errors(bench: Bench) -> None:
     assert read(bench, 250, 8, memory=3) == (0, bytes([250, 251, 252, 253, 254, 255, 0, 1]))
     assert write(bench, 254, b"\xfe\xff\0\x07", memory=3) == 0
     assert bench.log("memTst.errCntW") == (1,)

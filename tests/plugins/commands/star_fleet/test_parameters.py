@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import errno
 import struct
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -12,9 +11,9 @@ from star_core import Camera
 from star_core.testing import scene
 from star_fleet.packet import Port, join
 from star_fleet.parameters import CONTENTS, PARAMETERS
+from tests.plugins.commands.star_fleet.conftest import Bench
 from tests.simulators import ideal_fleet
 
-Start = Callable[..., Any]
 DEVIATION = CONTENTS.number["locSrv.extPosStdDev"]
 DECK = CONTENTS.number["deck.bcFlow2"]
 RING = CONTENTS.number["ring.effect"]
@@ -25,8 +24,7 @@ def read(bench: Any, number: int) -> bytes:
     return bytes(answer)
 
 
-def test_every_parameter_can_be_read(start: Start) -> None:
-    bench = start()
+def test_every_parameter_can_be_read(bench: Bench) -> None:
     for number, parameter in enumerate(PARAMETERS):
         answer = read(bench, number)
         assert answer[:3] == struct.pack("<HB", number, 0)
@@ -47,36 +45,31 @@ def test_a_vehicle_with_a_camera_has_an_ai_deck() -> None:
     fleet.close()
 
 
-def test_a_write_is_answered_with_the_same_bytes_and_stays(start: Start) -> None:
-    bench = start()
+def test_a_write_is_answered_with_the_same_bytes_and_stays(bench: Bench) -> None:
     payload = struct.pack("<Hf", DEVIATION, 0.25)
     assert bench.ask(Port.PARAMETERS, 2, payload) == [payload]
     assert read(bench, DEVIATION)[3:] == struct.pack("<f", 0.25)
 
 
-def test_writes_to_read_only_parameters_are_not_answered(start: Start) -> None:
-    bench = start()
+def test_writes_to_read_only_parameters_are_not_answered(bench: Bench) -> None:
     assert bench.ask(Port.PARAMETERS, 2, struct.pack("<HB", DECK, 0)) == []
     assert read(bench, DECK)[3:] == b"\x01"
 
 
-def test_a_parameter_that_is_not_there_has_no_entry(start: Start) -> None:
-    bench = start()
+def test_a_parameter_that_is_not_there_has_no_entry(bench: Bench) -> None:
     unknown = struct.pack("<H", 5000)
     for channel in (1, 2):
         answer = bench.ask(Port.PARAMETERS, channel, unknown + b"\0")
         assert answer == [unknown + bytes([errno.ENOENT])]
 
 
-def test_a_value_that_is_too_short_or_no_number_is_not_written(start: Start) -> None:
-    bench = start()
+def test_a_value_that_is_too_short_or_no_number_is_not_written(bench: Bench) -> None:
     for value in (b"\0\0\0", struct.pack("<f", float("nan"))):
         assert bench.ask(Port.PARAMETERS, 2, struct.pack("<H", DEVIATION) + value) == []
     assert read(bench, DEVIATION)[3:] == struct.pack("<f", 0.01)
 
 
-def test_a_parameter_can_be_written_by_its_name(start: Start) -> None:
-    bench = start()
+def test_a_parameter_can_be_written_by_its_name(bench: Bench) -> None:
     head = b"\0locSrv\0extPosStdDev\0"
     payload = head + struct.pack("<Bf", 0x06, 0.5)
     assert bench.ask(Port.PARAMETERS, 3, payload) == [head + b"\0"]
@@ -90,8 +83,7 @@ def test_a_parameter_can_be_written_by_its_name(start: Start) -> None:
     ]
 
 
-def test_the_first_value_is_reported(start: Start) -> None:
-    bench = start()
+def test_the_first_value_is_reported(bench: Bench) -> None:
     bench.write("locSrv.extPosStdDev", "f", 3.0)
     asked = struct.pack("<BH", 8, DEVIATION)
     assert bench.ask(Port.PARAMETERS, 3, asked) == [asked + b"\0" + struct.pack("<f", 0.01)]
@@ -99,8 +91,7 @@ def test_the_first_value_is_reported(start: Start) -> None:
     assert bench.ask(Port.PARAMETERS, 3, asked) == [asked + bytes([errno.ENOENT])]
 
 
-def test_a_persistent_parameter_is_stored_sent_and_forgotten(start: Start) -> None:
-    bench = start()
+def test_a_persistent_parameter_is_stored_sent_and_forgotten(bench: Bench) -> None:
 
     def ask(command: int, number: int = RING) -> bytes:
         head = struct.pack("<BH", command, number)

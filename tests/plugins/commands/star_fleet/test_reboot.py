@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import errno
 import struct
-from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -12,8 +11,7 @@ import pytest
 from star_core import Supervisor
 from star_fleet.packet import Port
 from star_fleet.server import BOOT_TIME
-
-Start = Callable[..., Any]
+from tests.plugins.commands.star_fleet.conftest import Bench, Start
 
 
 def stamps(bench: Any) -> list[int]:
@@ -24,9 +22,8 @@ def stamps(bench: Any) -> list[int]:
 
 
 @pytest.fixture
-def rebooted(start: Start) -> Any:
+def rebooted(bench: Bench) -> Any:
     """A drone that reported, hovered at 0.8 m, rebooted, and fell."""
-    bench = start()
     bench.ask(Port.LOG, 1, struct.pack("<BBBH", 6, 1, 7, 0))
     bench.ask(Port.LOG, 1, b"\x03\x01\x01")
     assert bench.takeoff() == 0
@@ -44,8 +41,7 @@ def test_its_motors_stop_and_it_is_neither_flying_nor_locked(rebooted: Any) -> N
     assert not rebooted.state() & (Supervisor.FLYING | Supervisor.LOCKED | Supervisor.CRASHED)
 
 
-def test_it_answers_nothing_while_it_boots(start: Start) -> None:
-    bench = start()
+def test_it_answers_nothing_while_it_boots(bench: Bench) -> None:
     bench.fleet.reboot(0)
     assert bench.ask(Port.LINK, 0, b"ping") == []
     bench.fly(BOOT_TIME)

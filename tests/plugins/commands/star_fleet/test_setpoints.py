@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -13,9 +12,8 @@ import pytest
 from star_fleet.packet import Port, compress
 from star_fleet.setpoints import STOP, Demand, Sticks, decode
 from star_sim.drone import FREE, POSITION, SPEED
-from tests.plugins.commands.star_fleet.conftest import aloft
+from tests.plugins.commands.star_fleet.conftest import Bench, Start
 
-Start = Callable[..., Any]
 ANGLES = {"althold": 0, "poshold": 0, "posSet": 0, "stabModeRoll": 1, "stabModePitch": 1}
 HALF_TURN_LEFT = math.radians(90)
 
@@ -26,55 +24,49 @@ def decoded(form: str, *values: Any) -> Demand:
     return demand
 
 
-def test_a_velocity_is_flown_along_the_odometry_frame(start: Start) -> None:
-    bench = aloft(start)
-    bench.fly(2.0, "Bffff", 8, 0.3, -0.2, 0.1, 0.0)
-    velocity = bench.log("stateEstimate.vx", "stateEstimate.vy", "stateEstimate.vz")
+def test_a_velocity_is_flown_along_the_odometry_frame(aloft: Bench) -> None:
+    aloft.fly(2.0, "Bffff", 8, 0.3, -0.2, 0.1, 0.0)
+    velocity = aloft.log("stateEstimate.vx", "stateEstimate.vy", "stateEstimate.vz")
     assert velocity == pytest.approx((0.3, -0.2, 0.1), abs=0.03)
 
 
-def test_yaw_rates_are_clockwise_in_old_setpoint_formats_only(start: Start) -> None:
-    bench = aloft(start)
-    bench.fly(1.0, "Bffff", 8, 0.0, 0.0, 0.0, 45.0)
-    (left,) = bench.log("stateEstimate.yaw")
+def test_yaw_rates_are_clockwise_in_old_setpoint_formats_only(aloft: Bench) -> None:
+    aloft.fly(1.0, "Bffff", 8, 0.0, 0.0, 0.0, 45.0)
+    (left,) = aloft.log("stateEstimate.yaw")
     assert 25 < left < 50
-    bench.fly(2.0, "Bffff", 1, 0.0, 0.0, 0.0, 45.0)
-    assert bench.log("stateEstimate.yaw")[0] < left - 50
+    aloft.fly(2.0, "Bffff", 1, 0.0, 0.0, 0.0, 45.0)
+    assert aloft.log("stateEstimate.yaw")[0] < left - 50
 
 
-def test_a_turn_does_not_outrun_the_vehicle(start: Start) -> None:
-    bench = aloft(start)
-    bench.fly(2.0, "Bffff", 8, 0.0, 0.0, 0.0, 4000.0)
-    assert bench.log("gyro.z")[0] == pytest.approx(math.degrees(2.0), abs=5)
-    bench.fly(3.0, "Bffff", 8, 0.0, 0.0, 0.0, 0.0)
-    assert bench.log("gyro.z")[0] == pytest.approx(0.0, abs=1)
+def test_a_turn_does_not_outrun_the_vehicle(aloft: Bench) -> None:
+    aloft.fly(2.0, "Bffff", 8, 0.0, 0.0, 0.0, 4000.0)
+    assert aloft.log("gyro.z")[0] == pytest.approx(math.degrees(2.0), abs=5)
+    aloft.fly(3.0, "Bffff", 8, 0.0, 0.0, 0.0, 0.0)
+    assert aloft.log("gyro.z")[0] == pytest.approx(0.0, abs=1)
 
 
-def test_a_hover_goes_ahead_and_holds_its_height(start: Start) -> None:
-    bench = aloft(start)
-    bench.go(0.0, 0.0, 0.8, HALF_TURN_LEFT)
-    bench.fly(3.0)
-    bench.fly(3.0, "Bffff", 10, 0.3, 0.0, 0.0, 1.2)
-    vx, vy, z = bench.log("stateEstimate.vx", "stateEstimate.vy", "stateEstimate.z")
+def test_a_hover_goes_ahead_and_holds_its_height(aloft: Bench) -> None:
+    aloft.go(0.0, 0.0, 0.8, HALF_TURN_LEFT)
+    aloft.fly(3.0)
+    aloft.fly(3.0, "Bffff", 10, 0.3, 0.0, 0.0, 1.2)
+    vx, vy, z = aloft.log("stateEstimate.vx", "stateEstimate.vy", "stateEstimate.z")
     assert (vx, vy) == pytest.approx((0.0, 0.3), abs=0.03)
     assert z == pytest.approx(1.2, abs=0.03)
 
 
-def test_a_position_is_flown_to_and_its_yaw_is_in_degrees(start: Start) -> None:
-    bench = aloft(start)
-    bench.fly(4.0, "Bffff", 7, 0.3, 0.2, 1.0, 90.0)
-    assert bench.position == pytest.approx([0.3, 0.2, 1.0], abs=0.03)
-    assert bench.log("stateEstimate.yaw")[0] == pytest.approx(90, abs=1)
+def test_a_position_is_flown_to_and_its_yaw_is_in_degrees(aloft: Bench) -> None:
+    aloft.fly(4.0, "Bffff", 7, 0.3, 0.2, 1.0, 90.0)
+    assert aloft.position == pytest.approx([0.3, 0.2, 1.0], abs=0.03)
+    assert aloft.log("stateEstimate.yaw")[0] == pytest.approx(90, abs=1)
 
 
-def test_full_state_is_in_millimetres_with_a_yaw_quaternion(start: Start) -> None:
+def test_full_state_is_in_millimetres_with_a_yaw_quaternion(aloft: Bench) -> None:
     yaw = math.radians(60)
     packed = int(compress(np.array([[0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2)]]))[0])
     values = (6, 300, -200, 900, 0, 0, 0, 0, 0, 0, packed, 0, 0, 0)
-    bench = aloft(start)
-    bench.fly(4.0, "B9hI3h", *values)
-    assert bench.position == pytest.approx([0.3, -0.2, 0.9], abs=0.03)
-    assert bench.log("stateEstimate.yaw")[0] == pytest.approx(60, abs=1)
+    aloft.fly(4.0, "B9hI3h", *values)
+    assert aloft.position == pytest.approx([0.3, -0.2, 0.9], abs=0.03)
+    assert aloft.log("stateEstimate.yaw")[0] == pytest.approx(60, abs=1)
 
 
 def test_the_rates_of_a_full_state_are_not_flown() -> None:
@@ -82,49 +74,43 @@ def test_the_rates_of_a_full_state_are_not_flown() -> None:
     assert decoded("B9hI3h", *state, 1500, -1500, 20_000) == decoded("B9hI3h", *state, 0, 0, 0)
 
 
-def test_a_pitch_is_nose_up_positive_and_a_roll_is_to_the_right(start: Start) -> None:
-    bench = aloft(start)
-    bench.fly(1.0, "Bffff", 9, 4.0, -5.0, 0.0, 0.8)
-    roll, pitch, z = bench.log("stateEstimate.roll", "stateEstimate.pitch", "stateEstimate.z")
+def test_a_pitch_is_nose_up_positive_and_a_roll_is_to_the_right(aloft: Bench) -> None:
+    aloft.fly(1.0, "Bffff", 9, 4.0, -5.0, 0.0, 0.8)
+    roll, pitch, z = aloft.log("stateEstimate.roll", "stateEstimate.pitch", "stateEstimate.z")
     assert (roll, pitch) == pytest.approx((4.0, -5.0), abs=0.7)
     assert z == pytest.approx(0.8, abs=0.05)
-    assert bench.position[0] > 0.1
-    assert bench.position[1] < -0.1
+    assert aloft.position[0] > 0.1
+    assert aloft.position[1] < -0.1
 
 
-def test_a_climb_holds_a_tilt_and_a_vertical_speed(start: Start) -> None:
-    bench = aloft(start)
-    bench.fly(1.5, "Bffff", 4, 0.0, 0.0, 0.0, 0.2)
-    assert bench.log("stateEstimate.vz")[0] == pytest.approx(0.2, abs=0.03)
+def test_a_climb_holds_a_tilt_and_a_vertical_speed(aloft: Bench) -> None:
+    aloft.fly(1.5, "Bffff", 4, 0.0, 0.0, 0.0, 0.2)
+    assert aloft.log("stateEstimate.vz")[0] == pytest.approx(0.2, abs=0.03)
 
 
-def test_thrust_of_a_manual_setpoint_is_of_all_motors(start: Start) -> None:
-    bench = aloft(start)
-    bench.fly(0.5, "BfffHB", 11, 0.0, 0.0, 0.0, 60000, 0)
-    assert bench.log("stateEstimate.vz")[0] > 0.3
-    bench.fly(0.05, "BfffHB", 11, 0.0, 0.0, 0.0, 0, 0)
-    assert not bench.turned
+def test_thrust_of_a_manual_setpoint_is_of_all_motors(aloft: Bench) -> None:
+    aloft.fly(0.5, "BfffHB", 11, 0.0, 0.0, 0.0, 60000, 0)
+    assert aloft.log("stateEstimate.vz")[0] > 0.3
+    aloft.fly(0.05, "BfffHB", 11, 0.0, 0.0, 0.0, 0, 0)
+    assert not aloft.turned
 
 
-def test_a_rated_manual_setpoint_tilts_more_and_more(start: Start) -> None:
-    bench = aloft(start)
-    bench.fly(0.5, "BfffHB", 11, 20.0, 0.0, 0.0, 43000, 1)
-    roll = bench.log("stateEstimate.roll")[0]
+def test_a_rated_manual_setpoint_tilts_more_and_more(aloft: Bench) -> None:
+    aloft.fly(0.5, "BfffHB", 11, 20.0, 0.0, 0.0, 43000, 1)
+    roll = aloft.log("stateEstimate.roll")[0]
     assert roll == pytest.approx(10.0, abs=3)
-    bench.fly(0.25, "BfffHB", 11, 20.0, 0.0, 0.0, 43000, 1)
-    assert bench.log("stateEstimate.roll")[0] > roll + 3
+    aloft.fly(0.25, "BfffHB", 11, 20.0, 0.0, 0.0, 43000, 1)
+    assert aloft.log("stateEstimate.roll")[0] > roll + 3
 
 
-def test_a_stop_setpoint_stops_the_motors(start: Start) -> None:
-    bench = aloft(start)
-    bench.setpoint("B", 0)
-    assert not bench.turned
+def test_a_stop_setpoint_stops_the_motors(aloft: Bench) -> None:
+    aloft.setpoint("B", 0)
+    assert not aloft.turned
 
 
-@pytest.mark.parametrize("kind", [3, 12, 255])
-def test_a_format_that_is_unknown_asks_for_nothing(kind: int) -> None:
-    assert decode(bytes([kind]) + bytes(16)) is None
-    assert decode(b"") is None
+@pytest.mark.parametrize("payload", [b"", *(bytes([kind, *[0] * 16]) for kind in (3, 12, 255))])
+def test_a_format_that_is_unknown_asks_for_nothing(payload: bytes) -> None:
+    assert decode(payload) is None
 
 
 @pytest.mark.parametrize("kind", [1, 2, 4, 5, 6, 7, 8, 9, 10, 11])
@@ -180,14 +166,13 @@ def test_flight_modes_give_the_sticks_another_meaning() -> None:
     assert of(stabModeRoll=0).tilt_rate == pytest.approx((math.radians(15), 0.0))
 
 
-def test_sticks_fly_a_vehicle(start: Start) -> None:
-    bench = aloft(start)
-    bench.ask(Port.ATTITUDE, 0, struct.pack("<fffH", 0, 0, 0, 0))
+def test_sticks_fly_a_vehicle(aloft: Bench) -> None:
+    aloft.ask(Port.ATTITUDE, 0, struct.pack("<fffH", 0, 0, 0, 0))
     for _ in range(10):
-        bench.ask(Port.ATTITUDE, 0, struct.pack("<fffH", 0, 0, 0, 50000))
-        bench.fly(0.05)
-    assert bench.turned
-    assert bench.log("stateEstimate.vz")[0] > 0.1
+        aloft.ask(Port.ATTITUDE, 0, struct.pack("<fffH", 0, 0, 0, 50000))
+        aloft.fly(0.05)
+    assert aloft.turned
+    assert aloft.log("stateEstimate.vz")[0] > 0.1
 
 
 def test_the_parameter_of_the_controller_selects_what_flies(start: Start) -> None:
