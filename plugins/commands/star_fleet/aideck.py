@@ -12,12 +12,11 @@ from typing import Final
 import cv2
 import numpy as np
 
-from star_core import ContractError, Image, Scene
+from star_core import Image, Scene
 from star_fleet.cpx import ROOM, Function, Packet, Switchboard, Target, TcpPort, encode
 from star_fleet.server import Fleet
 
 PORT: Final = 5000  # of an AI-deck's ESP32
-SHAPE: Final = (244, 324)  # height and width of an HM01B0's image, px
 MAGIC, DEPTH = 0xBC, 1
 RAW, JPEG = 0, 1
 QUALITY: Final = 90  # of 100, of a JPEG image
@@ -36,7 +35,6 @@ class AideckServer(TcpPort):
     Args:
         host: Address of the interface.
         port: Number; 0 for any that is free.
-        shape: Height and width of the images, px.
         jpeg: Whether to compress them.
         switchboard: Shared switchboard; the port has its own if not given.
 
@@ -49,12 +47,11 @@ class AideckServer(TcpPort):
         host: str = "127.0.0.1",
         port: int = PORT,
         *,
-        shape: tuple[int, int] = SHAPE,
         jpeg: bool = False,
         switchboard: Switchboard | None = None,
     ) -> None:
         super().__init__(host, port, 1, switchboard)
-        self._shape, self._jpeg = shape, jpeg
+        self._jpeg = jpeg
         self.dropped = 0
         self._counting = threading.Lock()
 
@@ -65,11 +62,6 @@ class AideckServer(TcpPort):
             image: (height, width) grey values.
             taken: Time of the exposure, s; the deck's format has no field for it.
         """
-        if image.shape != self._shape or image.dtype != np.uint8:
-            raise ContractError(
-                f"image of an AI-deck has shape {image.shape} and dtype {image.dtype}, expected"
-                f" {self._shape} and uint8"
-            )
         if self.connected:
             message = framed(image, jpeg=self._jpeg)
             with self._counting:
@@ -181,8 +173,7 @@ class Wifi:
                     self.links[row] = "tcp://{}:{}".format(*opened[row].address)
                 if cameras is not None and agent.camera is not None:
                     port = cameras and cameras + len(decks)
-                    shape = agent.camera.height, agent.camera.width
-                    decks[row] = AideckServer(host, port, shape=shape, jpeg=jpeg, switchboard=board)
+                    decks[row] = AideckServer(host, port, jpeg=jpeg, switchboard=board)
                     stack.callback(decks[row].close)
                     self.cameras[row] = "{}:{}".format(*decks[row].address)
             self._opened = stack.pop_all()

@@ -8,7 +8,7 @@ from typing import Final, TypeAlias
 
 import numpy as np
 
-from star_core import Array, InputError, Mask, Scene
+from star_core import InputError, Mask, Scene
 from star_core.toolkit import SYSTEMS, suggestion
 from star_sim.drone import Drones
 
@@ -48,8 +48,6 @@ SWITCHES: Final[Mapping[Condition, str]] = {
     Condition.POSES: "",
 }
 """Conditions in which an estimator knows the map, and the parameters that enable it, if any."""
-ANCHORS: Final = 0xFF  # bits of eight
-UNMEASURED: Final = {Condition.NO_FLOW_DECK, Condition.UNSETTLED}
 
 
 def read_conditions(texts: Iterable[str], scene: Scene) -> Conditions:
@@ -106,26 +104,6 @@ def prepare(drones: Drones, conditions: Conditions) -> None:
             drones["origin"][row, 0] += DISPLACEMENT
 
 
-def unmeasured(conditions: Conditions, n: int, *, flow_decks: bool) -> Mask:
-    """Return whose velocity the estimator does not measure, but expects to: (N,).
-
-    Args:
-        conditions: By row.
-        n: Number of drones.
-        flow_decks: Whether estimators expect Flow decks.
-    """
-    return _rows(conditions, n, UNMEASURED if flow_decks else {Condition.UNSETTLED}) > 0
-
-
-def stations(conditions: Conditions, n: int) -> Array:
-    """Return the bits of the Lighthouse base stations that drones receive: (N,)."""
-    return 3.0 * _rows(conditions, n, {Condition.LIGHTHOUSE})
-
-
-def anchors(conditions: Conditions, n: int) -> Array:
-    """Return the bits of the Loco anchors to which drones range: (N,)."""
-    return ANCHORS * _rows(conditions, n, {Condition.LOCO})
-
-
-def _rows(conditions: Conditions, n: int, which: set[Condition]) -> Array:
-    return np.array([float(bool(which & conditions.get(row, NONE))) for row in range(n)])
+def drones_in(conditions: Conditions, n: int, *which: Condition) -> Mask:
+    """Return which of `n` drones are in one of some conditions: (N,)."""
+    return np.array([bool({*which} & conditions.get(row, NONE)) for row in range(n)])

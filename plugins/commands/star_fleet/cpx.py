@@ -141,7 +141,6 @@ CHUNK: Final = 65_536  # bytes to read at a time
 SEND_BUFFER: Final = 80_000  # bytes, about an image, for the kernel to buffer (Linux doubles it)
 BACKLOG: Final = 8  # clients that may wait for the first one to disconnect
 CLOSE_TIMEOUT: Final = 1.0  # s
-MAX_PORT: Final = 65_535
 
 log = logging.getLogger(__name__)
 
@@ -195,11 +194,6 @@ class TcpPort:
     def __init__(
         self, host: str, port: int, max_waiting: int, switchboard: Switchboard | None
     ) -> None:
-        if not 0 <= port <= MAX_PORT:
-            raise PluginError(
-                f"cannot listen on {host}:{port}: expected a port from 0 to {MAX_PORT}",
-                "out-of-range",
-            )
         try:
             listener = socket.create_server((host, port), backlog=BACKLOG)
         except OSError as error:

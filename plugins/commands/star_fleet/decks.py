@@ -59,12 +59,9 @@ class Equipment:
         zones: Measures the distances in the zones of a Multi-ranger's forward sensor, mm.
     """
 
-    decks: Sequence[Deck] = ()
-    stations: Sequence[bytes] = ()
-    zones: Callable[[], Sequence[int]] = lambda: [0] * 64
-
-
-NO_MORE: Final = Equipment()
+    decks: Sequence[Deck]
+    stations: Sequence[bytes]
+    zones: Callable[[], Sequence[int]]
 
 
 def one_wire(deck: Deck) -> bytes:

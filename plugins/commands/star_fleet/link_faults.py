@@ -40,9 +40,6 @@ class LinkFaults:
         delay: Of every packet, s of simulated time.
         jitter: Greatest additional delay, s, uniformly distributed: packets may overtake others.
         cuts: Intervals of simulated time, (from, to), s; packets that are sent in one are lost.
-
-    Raises:
-        ValueError: A probability is not from 0 to 1, or a delay is negative.
     """
 
     loss: float = 0.0
@@ -50,13 +47,6 @@ class LinkFaults:
     delay: float = 0.0
     jitter: float = 0.0
     cuts: tuple[tuple[float, float], ...] = ()
-
-    def __post_init__(self) -> None:
-        for name, most in (("loss", 1.0), ("duplicates", 1.0), ("delay", None), ("jitter", None)):
-            value = getattr(self, name)
-            if not 0 <= value <= (np.inf if most is None else most):
-                expected = "at least 0" if most is None else "0 to 1"
-                raise ValueError(f"{name} is {value!r}, expected {expected}")
 
     def with_fault(self, fault: Fault) -> LinkFaults:
         """Return these faults and that of a fault file: off, delayed or intermittent."""
@@ -93,15 +83,14 @@ class FaultyLinks:
 
     Args:
         n: Number of links.
-        faults: Of every link at first.
         seed: Of the random numbers.
 
     Attributes:
-        faults: Of each link.
+        faults: Of each link; none at first.
     """
 
-    def __init__(self, n: int, faults: LinkFaults = NO_FAULTS, seed: int = 0) -> None:
-        self.faults = [faults] * n
+    def __init__(self, n: int, seed: int) -> None:
+        self.faults = [NO_FAULTS] * n
         self._random = [
             [np.random.default_rng([seed, row, direction]) for direction in Direction]
             for row in range(n)

@@ -12,7 +12,6 @@ from star_core.toolkit import rotation_from_quaternion
 from star_fleet.decks import (
     LED_RING,
     MULTIRANGER,
-    NO_MORE,
     Deck,
     Equipment,
     deck_information,
@@ -177,12 +176,7 @@ class Memories:
         equipment: Base stations that it knows, and its forward sensor.
     """
 
-    def __init__(
-        self,
-        address: int,
-        decks: Sequence[Deck] = (),
-        equipment: Equipment = NO_MORE,
-    ) -> None:
+    def __init__(self, address: int, decks: Sequence[Deck], equipment: Equipment) -> None:
         self.trajectory: Final = bytearray(TRAJECTORY_BYTES)
         self.tester: Final = Tester()
         self._memories = (

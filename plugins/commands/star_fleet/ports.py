@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import socket
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import Final, TypeAlias
 
 from star_core import PluginError, Scene
@@ -22,18 +22,18 @@ class Ports:
     Args:
         scene: The agents.
         host: Address to serve at.
-        numbers: Of the port of each agent; 0 for a free one.
+        first: Port of the first agent, which those of the others follow; 0 for free ones.
 
     Attributes:
         sockets: Of each agent; they do not block.
     """
 
-    def __init__(self, scene: Scene, host: str, numbers: Sequence[int]) -> None:
+    def __init__(self, scene: Scene, host: str, first: int) -> None:
         self.sockets: list[socket.socket] = []
         self._clients: list[Client | None] = [None] * len(scene.agents)
         try:
-            for agent, number in zip(scene.agents, numbers, strict=True):
-                self.sockets.append(_opened(agent.name, host, number))
+            for row, agent in enumerate(scene.agents):
+                self.sockets.append(_opened(agent.name, host, first and first + row))
         except BaseException:
             self.close()
             raise
@@ -74,7 +74,7 @@ def _opened(name: str, host: str, number: int) -> socket.socket:
     try:
         made.setblocking(False)  # noqa: FBT003 -- it has no name
         made.bind((host, number))
-    except (OSError, OverflowError) as error:
+    except OSError as error:
         made.close()
         raise PluginError(
             f"agent {name!r}: port {number} of {host!r} is not available: {error}",

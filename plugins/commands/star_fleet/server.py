@@ -13,12 +13,12 @@ from typing import Any, Final, Self, TypeAlias
 
 import numpy as np
 
-from star_core import Agent, Frames, Image, InputError, PluginError, PoseFixes, Scene
+from star_core import Agent, Frames, Image, InputError, PoseFixes, Scene
 from star_core.toolkit import Fault
 from star_fleet.conditions import NONE, Condition, Conditions, prepare, with_receivers
 from star_fleet.craft import Craft
 from star_fleet.decks import AI_DECK, Deck, Equipment
-from star_fleet.link_faults import NO_FAULTS, Direction, FaultyLinks, LinkFaults
+from star_fleet.link_faults import NO_FAULTS, Direction, FaultyLinks
 from star_fleet.memory import geometries
 from star_fleet.ports import Client, Ports
 from star_fleet.ranger import ZONES, Ranger, seen_along
@@ -62,14 +62,10 @@ class Fleet:
         scene: Agents, world and seed.
         host: Address to serve at.
         port: Of the first agent.
-        ports: Of each agent, in place of `port`.
         speed: Simulated seconds per second.
         arms_itself: Whether vehicles arm themselves, as those with brushed motors do.
         feed_forward: Whether a vehicle that follows a plan or holds a position uses the velocity
             and acceleration of its reference; the controller ``pid`` never does.
-        faults: Of every UDP link, in both directions; see `links` to change them in flight. A
-            delay is rounded up to whole cycles of 10 ms.
-        seed: Of the random numbers of the faults; the scene's if not given.
         link_timeout: Time without a packet after which a vehicle deletes its log blocks, as the
             firmware does by its radio, s of the client's clock: simulated time divided by `speed`.
             Infinite for none; a link over TCP has none.
@@ -77,11 +73,12 @@ class Fleet:
         decks: Decks that all drones carry beside those of the mission.
         simulator: Further arguments of `Simulator`. A controller ``pid`` or ``mellinger`` flies
             until a client sets the parameter ``stabilizer.controller``. Delay and loss of the
-            profile's radio link have no effect: see `faults`.
+            profile's radio link have no effect: see `links`.
 
     Attributes:
         simulator: What flies; the truth is there.
-        links: The UDP links; ``links.faults[row]`` may be replaced at any time.
+        links: The UDP links; ``links.faults[row]``, which hold in both directions, may be replaced
+            at any time. A delay is rounded up to whole cycles of 10 ms.
         vehicles: The firmware of each row.
 
     Raises:
@@ -94,12 +91,9 @@ class Fleet:
         *,
         host: str = "127.0.0.1",
         port: int = PORT,
-        ports: Sequence[int] | None = None,
         speed: float = 1.0,
         arms_itself: bool = True,
         feed_forward: bool = True,
-        faults: LinkFaults = NO_FAULTS,
-        seed: int | None = None,
         link_timeout: float = LINK_TIMEOUT,
         conditions: Conditions = MappingProxyType({}),
         decks: Sequence[Deck] = (),
@@ -119,7 +113,7 @@ class Fleet:
         prepare(self.simulator.drones, conditions)
         self.vehicles = [self._started(row) for row in range(len(scene.agents))]
         self._boots_until = np.zeros(len(scene.agents))  # s
-        self.links = FaultyLinks(len(scene.agents), faults, scene.seed if seed is None else seed)
+        self.links = FaultyLinks(len(scene.agents), scene.seed)
         self.slipped = 0.0
         """Seconds that the simulation has fallen behind real time, on a slow machine."""
         self.busy = 0.0
@@ -135,8 +129,7 @@ class Fleet:
         self._thread: threading.Thread | None = None
         self._streams: list[list[Callable[[bytes], object]]] = [[] for _ in scene.agents]
         try:
-            numbers = _numbers(scene, port, ports)
-            self._ports = Ports(scene, host, numbers)
+            self._ports = Ports(scene, host, port)
         except BaseException:
             self.simulator.close()
             raise
@@ -371,15 +364,6 @@ class Fleet:
     def _send(self, row: int, packet: bytes, client: Client) -> None:
         deliver = partial(self._ports.send, row, packet, client)
         self.links.send(row, Direction.TO_CLIENT, self.simulator.time, deliver)
-
-
-def _numbers(scene: Scene, port: int, ports: Sequence[int] | None) -> Sequence[int]:
-    """Return the number of each agent's port, 0 for a free one."""
-    if ports is None:
-        return [port + row if port else 0 for row in range(len(scene.agents))]
-    if len(ports) != len(scene.agents):
-        raise PluginError(f"{len(ports)} ports for {len(scene.agents)} agents", "wrong-shape")
-    return ports
 
 
 def address(agent: Agent, row: int) -> int:

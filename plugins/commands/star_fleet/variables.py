@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from star_core import Array, Rows
-from star_fleet.conditions import GROWTH, Conditions, anchors, stations, unmeasured
+from star_fleet.conditions import GROWTH, Condition, Conditions, drones_in
 from star_fleet.packet import compress
 from star_fleet.ranger import AXES, Ranger, seen_along
 from star_sim.airframe import DRAG_XY, DRAG_Z, GRAVITY, MASS, THRUST_MAX
@@ -47,6 +47,7 @@ MIN_DISTANCE: Final = 0.1  # m from the radio, which stands at the map's origin
 FULL_PWM: Final = 65535
 MIN_PUSH: Final = 1e-6  # N
 MAX_RANGE: Final = 4000  # mm, of the ranger
+STATIONS, ANCHORS = 0x03, 0xFF  # bits of the two base stations and the eight anchors
 DECK_TEMPERATURE: Final = 30  # degrees Celsius, of a color deck; nothing heats it
 
 _DEGREES: Final = math.degrees(1.0)
@@ -115,8 +116,10 @@ class Readings:
     @cached_property
     def velocity_variance(self) -> Array:
         """(N, 3) of the estimated velocities, m²/s²; they grow while nothing measures these."""
-        expected = isinstance(self._fusion, Fusion)
-        without = unmeasured(self.conditions, len(self.drones), flow_decks=expected)
+        unmeasured = [Condition.UNSETTLED]
+        if isinstance(self._fusion, Fusion):  # it expects Flow decks
+            unmeasured.append(Condition.NO_FLOW_DECK)
+        without = drones_in(self.conditions, len(self.drones), *unmeasured)
         variance = self._fusion.velocity_variance(self.drones, self.now)
         return variance + GROWTH * self.now * without[:, None]
 
@@ -243,12 +246,9 @@ def _angles(group: str) -> Iterator[Variable]:
     yield Variable(f"{group}.yaw", FLOAT, _of("believed_yaw", scale=_DEGREES))
 
 
-def _stations(readings: Readings) -> Any:
-    return stations(readings.conditions, len(readings.drones))
-
-
-def _anchors(readings: Readings) -> Any:
-    return anchors(readings.conditions, len(readings.drones))
+def _received(condition: Condition, bits: int) -> Callable[[Readings], Any]:
+    """Return a function that reads the bits of what drones with a deck receive; 0 without it."""
+    return lambda readings: bits * drones_in(readings.conditions, len(readings.drones), condition)
 
 
 def _battery_level(readings: Readings) -> Any:
@@ -344,8 +344,8 @@ VARIABLES: Final = (
     *_each("kalman", "varX varY varZ", FLOAT, _column, "position_variance"),
     *_each("kalman", "varPX varPY varPZ", FLOAT, _column, "velocity_variance"),
     Variable("kalman.varD2", FLOAT, lambda readings: readings.covariance[:, YAW, YAW]),
-    Variable("lighthouse.bsActive", U16, _stations),
-    Variable("ranging.state", U16, _anchors),
+    Variable("lighthouse.bsActive", U16, _received(Condition.LIGHTHOUSE, STATIONS)),
+    Variable("ranging.state", U16, _received(Condition.LOCO, ANCHORS)),
     Variable("range.zrange", U16, _range),
     *_each("range", "front back left right up", U16, _column, "ranges"),
     Variable("memTst.errCntW", U32, lambda readings: [v.write_errors for v in readings.vehicles]),

@@ -14,9 +14,9 @@ from typing import Final
 
 from star_core import Supervisor as Bits
 from star_fleet import log, parameters
-from star_fleet.conditions import NONE, SWITCHES, Condition
+from star_fleet.conditions import SWITCHES, Condition
 from star_fleet.craft import Craft
-from star_fleet.decks import DECKS, MULTIRANGER, NO_MORE, Equipment
+from star_fleet.decks import DECKS, MULTIRANGER, Equipment
 from star_fleet.highlevel import Guidance, HighLevel, Stage
 from star_fleet.memory import Memories
 from star_fleet.packet import MAX_PAYLOAD, NULL, Port, is_null, join, sound, split
@@ -68,11 +68,11 @@ class Vehicle:
         row: int,
         address: int,
         *,
-        arms_itself: bool = True,
-        booted: float = 0.0,
-        link_timeout: float = LINK_TIMEOUT,
-        conditions: frozenset[Condition] = NONE,
-        equipment: Equipment = NO_MORE,
+        arms_itself: bool,
+        booted: float,
+        link_timeout: float,
+        conditions: frozenset[Condition],
+        equipment: Equipment,
     ) -> None:
         self.supervisor = Supervisor(arms_itself=arms_itself)
         self.info = 0

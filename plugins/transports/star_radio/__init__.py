@@ -107,33 +107,21 @@ def star_transports(registry: Registry) -> Iterable[TransportSpec]:
     )
 
 
+COMMANDS = {
+    "scan": "List the drones that answer: firmware, battery, decks and link.",
+    "preflight": "Check whether the drones of a mission can fly it.",
+    "camera": "Show what a camera sees, with the tags in it, in the browser.",
+    "land": "Land drones that no program flies any more, by their links.",
+}
+
+
 @hookimpl
 def star_commands() -> Iterable[CommandSpec]:
-    yield CommandSpec(
-        name="scan",
-        summary="List the drones that answer: firmware, battery, decks and link.",
-        configure=deferred("star_radio.scan_command:configure"),
-        run=deferred("star_radio.scan_command:run"),
-        group="Hardware",
-    )
-    yield CommandSpec(
-        name="preflight",
-        summary="Check whether the drones of a mission can fly it.",
-        configure=deferred("star_radio.preflight_command:configure"),
-        run=deferred("star_radio.preflight_command:run"),
-        group="Hardware",
-    )
-    yield CommandSpec(
-        name="camera",
-        summary="Show what a camera sees, with the tags in it, in the browser.",
-        configure=deferred("star_radio.camera_command:configure"),
-        run=deferred("star_radio.camera_command:run"),
-        group="Hardware",
-    )
-    yield CommandSpec(
-        name="land",
-        summary="Land drones that no program flies any more, by their links.",
-        configure=deferred("star_radio.land_command:configure"),
-        run=deferred("star_radio.land_command:run"),
-        group="Hardware",
-    )
+    for name, summary in COMMANDS.items():
+        yield CommandSpec(
+            name=name,
+            summary=summary,
+            configure=deferred(f"star_radio.{name}_command:configure"),
+            run=deferred(f"star_radio.{name}_command:run"),
+            group="Hardware",
+        )

@@ -15,7 +15,7 @@ import signal
 import sys
 import time
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import suppress
 from dataclasses import replace
@@ -42,8 +42,6 @@ MAX_LINES: Final = 100  # log messages that the flight has not received yet
 MAX_WAIT: Final = 1.0  # s, for a tick
 MOVING: Final = ("send", "command", "correct", "set_parameters")
 """Refused once the guardian lands the agents."""
-
-SERVED: Final = (*MOVING, "connect", "upload", "wait", "record_in", "close")
 
 
 def serve(descriptor: int) -> None:
@@ -118,6 +116,17 @@ class Guardian:
         self._descent: Descent | None = None
         self._problem: tuple[str, str] | None = None  # message and code, for the next answer
         self._folder: Path | None = None
+        self._served: Mapping[str, Callable[[Any], Any]] = {
+            "connect": self._connect,
+            "upload": self._upload,
+            "wait": self._wait,
+            "send": self._send,
+            "command": lambda command: radio.command(replace(command)),  # which checks it again
+            "correct": radio.correct,
+            "set_parameters": lambda message: radio.set_parameters(*message),
+            "record_in": self._record_in,
+            "close": self._close,
+        }
 
     def run(self) -> None:
         """Serve until the end; whatever happens, agents in the air are commanded to land."""
@@ -157,7 +166,7 @@ class Guardian:
     def _take(self, message: object) -> None:
         """Act on a message of the flight; others are left out."""
         match message:
-            case (int() | None as number, str(name), argument) if name in SERVED:
+            case (int() | None as number, str(name), argument) if name in self._served:
                 self._handle(number, name, argument)
             case _:
                 log.warning("guardian: a message is none of the flight's")
@@ -173,7 +182,7 @@ class Guardian:
             return
         value = None
         try:
-            value = getattr(self, f"_{name}")(argument)
+            value = self._served[name](argument)
         except StarError as error:
             self._problem = error.message, error.code
         except Exception as error:  # it must not end the guardian
@@ -219,15 +228,6 @@ class Guardian:
                 np.where(finite, to_map.yaw, self._to_map.yaw),
                 np.where(finite[:, None], to_map.translation, self._to_map.translation),
             )
-
-    def _command(self, command: Any) -> None:
-        self._radio.command(replace(command))  # which checks it again
-
-    def _correct(self, corrections: Any) -> None:
-        self._radio.correct(corrections)
-
-    def _set_parameters(self, message: tuple[tuple[int, ...], Mapping[str, float]]) -> None:
-        self._radio.set_parameters(*message)
 
     def _record_in(self, folder: Path) -> None:
         self._folder = Path(folder)

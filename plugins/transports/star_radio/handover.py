@@ -81,7 +81,7 @@ class Handover:
         packet: The command.
         what: Its name, for messages.
         at: Time of the first transmission, s; later if a setpoint may arrive after it.
-        setpoint_at: When the last setpoint was sent, s; at the latest possible time if not given.
+        setpoint_at: When the last setpoint was sent, s.
         steered: Whether setpoints flew the drone before.
 
     Attributes:
@@ -98,15 +98,13 @@ class Handover:
         at: float,
         *,
         steered: bool,
-        setpoint_at: float | None = None,
+        setpoint_at: float,
     ) -> None:
         self.packet, self.what = packet, what
         self.steered = self._was_steered = steered
         self.confirmed: float | None = None
         self.over = False
         self.lands, self.stops = packet[1] == orders.LAND, packet[1] == orders.STOP
-        if setpoint_at is None:
-            setpoint_at = at - MAX_SETPOINT_DELAY
         self._began = at
         self._due = at if self.stops else max(at, setpoint_at + MAX_SETPOINT_DELAY)
         self._sent = False

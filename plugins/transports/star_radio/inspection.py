@@ -7,7 +7,6 @@ import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from types import TracebackType
 from typing import Final, Self, TypeVar
 
 from star_core import Frames, PluginError
@@ -19,7 +18,7 @@ from star_radio.connection.link import Link
 from star_radio.connection.tables import Tables, user_cache
 from star_radio.options import UNCHANGED
 from star_radio.telemetry import TelemetryBuffer
-from star_radio.vehicle import Vehicle
+from star_radio.vehicle import Vehicle, close_all
 
 DECK: Final = "deck.bc"  # with which the names of the parameters of decks begin
 SELF_TEST: Final = "system.selftestPassed"
@@ -129,21 +128,8 @@ class Inspector:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        _kind: type[BaseException] | None,
-        _error: BaseException | None,
-        _traceback: TracebackType | None,
-    ) -> None:
-        for vehicle in self.vehicles.values():
-            vehicle.end_reports()
-        end = time.monotonic() + ECHO_TIMEOUT
-        while any(vehicle.is_closing(time.monotonic()) for vehicle in self.vehicles.values()):
-            if time.monotonic() > end:
-                break
-            for vehicle in self.vehicles.values():
-                vehicle.retry(time.monotonic())
-            time.sleep(ECHO_PERIOD)
+    def __exit__(self, *_error: object) -> None:
+        close_all(self.vehicles.values(), Vehicle.end_reports)
         for vehicle in self.vehicles.values():
             vehicle.link.close()
         self._udp_links.close()

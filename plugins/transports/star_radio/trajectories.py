@@ -67,9 +67,6 @@ class TrajectoryMemory:
     def __len__(self) -> int:
         return len(self._numbers)
 
-    def __contains__(self, trajectory: object) -> bool:
-        return trajectory in self._numbers
-
     def upload(self, write: Callable[..., None], heading: float) -> None:
         """Upload all to a drone, rotated to its odometry frame.
 
@@ -86,7 +83,7 @@ class TrajectoryMemory:
 
     def start(self, trajectory: Trajectory | None, duration: float, version: int) -> bytes:
         """Return the packet that starts a trajectory of `duration`, s, at the current position."""
-        if trajectory is None or trajectory not in self:
+        if trajectory is None or trajectory not in self._numbers:
             raise ContractError("Command.trajectory was not uploaded")
         stretch = duration / float(trajectory.duration.sum())
         number = self._numbers[trajectory]
@@ -142,10 +139,8 @@ def rotation_error(yaw: float, heading: float) -> str:
 
 def packed(trajectory: Trajectory) -> bytes:
     """Return a trajectory's pieces in the uncompressed format of the trajectory memory."""
-    count = len(trajectory.duration)
-    if count > MAX_PIECES:
-        raise ContractError(f"a trajectory has 1 to {MAX_PIECES} pieces, got {count}")
-    pieces = np.column_stack([trajectory.coefficients.reshape(count, -1), trajectory.duration])
+    coefficients = trajectory.coefficients.reshape(len(trajectory.duration), -1)
+    pieces = np.column_stack([coefficients, trajectory.duration])
     return pieces.astype("<f4").tobytes()
 
 

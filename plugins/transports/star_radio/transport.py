@@ -49,12 +49,11 @@ from star_radio.trajectories import (
     come_down_time,
     rotation_error,
 )
-from star_radio.vehicle import Vehicle
+from star_radio.vehicle import CLOSING_POLL_PERIOD, Vehicle, close_all
 
 log = logging.getLogger(__name__)
 
 COMMANDER_STATES: Final = int(Supervisor.COMMANDER_ACTIVE | Supervisor.COMMANDER_FINISHED)
-CLOSING_POLL_PERIOD: Final = 0.02  # s, between checks whether the last commands are confirmed
 KEEP_ALIVE_PERIOD: Final = 0.2  # s, between resets of the emergency-stop watchdog, which is 1 s
 FALL_TIME: Final = 1.0  # s, after the firmware's watchdog has stopped the motors
 UNHEARD_TIME: Final = 10.0  # s, for which closing waits for the link of a drone to return
@@ -155,8 +154,7 @@ class Radio:
             absent = _faults(dict(enumerate(self.vehicles)), self._connect)
         self.connected[:] = True
         self._leave_out(absent, "reach", "agents-unreachable")
-        present = {row: self.vehicles[row] for row in np.flatnonzero(self.connected).tolist()}
-        self._leave_out(_faults(present, self._check), "fly", "agents-unfit")
+        self._leave_out(_faults(self._present(), self._check), "fly", "agents-unfit")
         self._sensors.connect()
 
     def _leave_out(self, faults: Mapping[int, str], what: str, code: str) -> None:
@@ -214,8 +212,7 @@ class Radio:
         if full:
             for vehicle in self.vehicles:
                 vehicle.take_off_memory = None
-        present = {row: self.vehicles[row] for row in np.flatnonzero(self.connected).tolist()}
-        agents = self._scene.agents
+        present, agents = self._present(), self._scene.agents
         refused = _faults(
             present, lambda row, vehicle: self._memory.upload(vehicle.upload, agents[row].yaw)
         )
@@ -245,7 +242,7 @@ class Radio:
                 self.connected[row] = False
         if self._options.watchdog and now - self._kept_alive >= KEEP_ALIVE_PERIOD:
             self._kept_alive = now
-            for vehicle in self._present():
+            for vehicle in self._present().values():
                 vehicle.link.post(orders.keep_alive(vehicle.version))
         time.sleep(max(0.0, self.began + until - time.monotonic()))
         return time.monotonic() - self.began
@@ -439,20 +436,11 @@ class Radio:
             for row, vehicle in enumerate(self.vehicles):
                 if vehicle.airborne and not vehicle.lands:
                     self.landings.land(row, float(self._telemetry.last[row, report.Z]))
-            self._all(Vehicle.begin_closing)
+            close_all(self.vehicles, Vehicle.begin_closing)
             if not self._options.guardian:
                 self._await_landings()
         finally:
             self._close()
-
-    def _all(self, begin: Callable[[Vehicle], None]) -> None:
-        """Begin something with each drone, and wait for its confirmation."""
-        for vehicle in self.vehicles:
-            begin(vehicle)
-        while any(vehicle.is_closing(time.monotonic()) for vehicle in self.vehicles):
-            time.sleep(CLOSING_POLL_PERIOD)
-            for vehicle in self.vehicles:
-                vehicle.retry(time.monotonic())
 
     def _await_landings(self) -> None:
         """Command landings again until all drones are down, or for too long."""
@@ -474,15 +462,16 @@ class Radio:
 
     def _close(self) -> None:
         """End the reports and close the links."""
-        self._all(Vehicle.end_reports)
+        close_all(self.vehicles, Vehicle.end_reports)
         with ThreadPoolExecutor(len(self.vehicles)) as pool:
             list(pool.map(Link.close, [vehicle.link for vehicle in self.vehicles]))
         for resource in (self._udp_links, self._sensors, self._broadcasts):
             if resource is not None:
                 resource.close()
 
-    def _present(self) -> list[Vehicle]:
-        return [self.vehicles[row] for row in np.flatnonzero(self.connected).tolist()]
+    def _present(self) -> dict[int, Vehicle]:
+        """Return the connected drones by row."""
+        return {row: self.vehicles[row] for row in np.flatnonzero(self.connected).tolist()}
 
     def _packet(self, command: Command, i: int, version: int) -> bytes:
         """Return the packet of row `i` of a command."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Final, NamedTuple
 
 from star_core import PluginError, Supervisor, Trajectory
@@ -29,6 +29,7 @@ MAX_REPORT_AGE: Final = 0.5  # s; the state of a drone that is not heard for lon
 LINK_LOST_TIMEOUT: Final = 1.0  # s without a report, after which a drone may be unreachable
 LAST_ORDER_TIMEOUT: Final = 2.0  # s, for which closing waits for a landing or stop to be confirmed
 LOST_ORDER_TIMEOUT: Final = 0.5  # s, the same for a drone that may be unreachable
+CLOSING_POLL_PERIOD: Final = 0.02  # s, between checks whether the last commands are confirmed
 LANDED_HEIGHT: Final = 0.1  # m: a drone below it that has finished its plan is on the ground
 LAND_DEPTH: Final = 0.15  # m below the floor, at which a landing ends: see `landing`
 MIN_LAND_TIME: Final = 3.0  # s, of the landing on closing
@@ -63,6 +64,7 @@ class Vehicle:
         settling: Whether `connect` waits for its estimator to settle.
         steered: Whether it is flown by setpoints.
         steered_at: When the last setpoint was sent, s of the computer's clock.
+        stopped: Whether the last command was to stop the motors.
         rebooted: Whether it rebooted since it was connected, by the clock of its reports. It is
             not flown any more: it is on the floor, and its estimator has been reset. If it reports
             to fly nevertheless, it is landed.
@@ -78,11 +80,11 @@ class Vehicle:
         self.settling = False
         self.steered = False
         self.rebooted = False
+        self.stopped = False
         self._groups = orders.ALL_GROUPS  # groups it was assigned to, a bit each
         self._handover: Handover | None = None  # of the last command
         self._order: Question | None = None  # the last command, until it is confirmed
         self._once = False  # whether it is not repeated by the link
-        self._stopped = False  # whether the last command was to stop the motors
         self.steered_at = -math.inf  # s, when the last setpoint was sent
         self._end_of_reports: Question | None = None
         self._close_by = 0.0  # s, deadline of closing
@@ -212,7 +214,7 @@ class Vehicle:
         """Send a setpoint made by `orders.velocity` or `orders.full_state`."""
         if not self.steered:
             self.steered = True
-            self._stopped = False
+            self.stopped = False
             self.confirm()  # a repeated command would take control back from the setpoint
             self._handover = None
         self.steered_at = time.monotonic()
@@ -227,8 +229,8 @@ class Vehicle:
         that is to be sent `once`.
         """
         now = time.monotonic()
-        self._stopped = packet[1] == orders.STOP
-        if not (sent or self._stopped):
+        self.stopped = packet[1] == orders.STOP
+        if not (sent or self.stopped):
             packet = orders.only_for(self._groups, packet)
         steered = self.steered or (self._handover is not None and self._handover.steered)
         last = self.steered_at
@@ -314,12 +316,7 @@ class Vehicle:
         A drone whose motors were stopped is not: although it reports to be flying for another 2 s,
         a landing would restart them.
         """
-        return not self._stopped and (self.steered or self._flies())
-
-    @property
-    def stopped(self) -> bool:
-        """Whether the last command was to stop the motors."""
-        return self._stopped
+        return not self.stopped and (self.steered or self._flies())
 
     @property
     def repeats(self) -> bool:
@@ -454,6 +451,17 @@ class Vehicle:
     def _ask(self, questions: Sequence[Question]) -> list[bytes]:
         """Ask questions, blocking; for connecting and uploading."""
         return self.link.ask_all(questions, timeout=self._response_timeout, deadline=self._deadline)
+
+
+def close_all(vehicles: Iterable[Vehicle], begin: Callable[[Vehicle], None]) -> None:
+    """Begin to close drones, by `begin_closing` or `end_reports`, and wait for confirmations."""
+    vehicles = list(vehicles)
+    for vehicle in vehicles:
+        begin(vehicle)
+    while any(vehicle.is_closing(time.monotonic()) for vehicle in vehicles):
+        time.sleep(CLOSING_POLL_PERIOD)
+        for vehicle in vehicles:
+            vehicle.retry(time.monotonic())
 
 
 def landing(height: float) -> bytes:

@@ -8,7 +8,7 @@ import socket
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Final, Self
@@ -16,7 +16,7 @@ from typing import Final, Self
 import numpy as np
 
 from star_core import Frames, Image, Scene
-from star_radio.address import PORT, host_and_port
+from star_radio.address import host_and_port
 from star_radio.camera.stream import Counts, Shot, Stream
 
 log = logging.getLogger(__name__)
@@ -148,7 +148,7 @@ CONNECT_TIMEOUT: Final = 0.5  # s; with the pause, a deck is reconnected within 
 RETRY_PERIOD: Final = 0.25  # s, between two connection attempts
 SILENCE_TIMEOUT: Final = 2.0  # s without a byte, then reconnect; decks send 8 images per second
 POLL_PERIOD: Final = 0.02  # s, between two looks for the first images
-MAX_WAITING: Final = 8  # images: 1 s of a deck's stream
+MAX_WAITING: Final = 8  # images: 1 s of a deck's stream; of more, the oldest is dropped
 CLOSE_TIMEOUT: Final = 2.0  # s, for the thread to end
 
 
@@ -159,24 +159,10 @@ class CameraClient:
         host: The deck's host.
         port: Its port.
         shape: Height and width of its images, px.
-        clock: Clock for timestamps, s.
-        silence: Time without a byte after which to reconnect, s.
-        waiting: Maximum number of buffered images; older ones are dropped.
     """
 
-    def __init__(
-        self,
-        host: str,
-        port: int = PORT,
-        *,
-        shape: tuple[int, int] = SHAPE,
-        clock: Callable[[], float] = time.monotonic,
-        silence: float = SILENCE_TIMEOUT,
-        waiting: int = MAX_WAITING,
-    ) -> None:
-        self._host, self._port = host, port
-        self._shape, self._clock = shape, clock
-        self._silence, self._most = silence, waiting
+    def __init__(self, host: str, port: int, shape: tuple[int, int] = SHAPE) -> None:
+        self._host, self._port, self._shape = host, port, shape
         self._counts = Counts()
         self._lock = threading.Lock()  # for `_waiting`
         self._waiting: deque[Shot] = deque()
@@ -255,17 +241,17 @@ class CameraClient:
                     if not data:
                         return "closed by the deck"
                     heard = time.monotonic()
-                    for shot in stream.feed(data, self._clock()):
+                    for shot in stream.feed(data, time.monotonic()):
                         self._keep(shot)
-                if time.monotonic() - heard > self._silence:
-                    return f"silent for {self._silence:g} s"
+                if time.monotonic() - heard > SILENCE_TIMEOUT:
+                    return f"silent for {SILENCE_TIMEOUT:g} s"
             return "closed"
         finally:
             stream.end()
 
     def _keep(self, shot: Shot) -> None:
         with self._lock:
-            if len(self._waiting) >= self._most:
+            if len(self._waiting) >= MAX_WAITING:
                 self._waiting.popleft()
                 self._counts.dropped += 1
             self._waiting.append(shot)

@@ -52,10 +52,10 @@ class Tables:
     """Tables of contents by checksum: each firmware's is read once, from one drone.
 
     Args:
-        folder: Cache folder; None disables the cache.
+        folder: Cache folder.
     """
 
-    def __init__(self, folder: Path | None) -> None:
+    def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._tables: dict[str, Table] = {}
         self._lock = threading.Lock()
@@ -84,8 +84,6 @@ class Tables:
 
     def _load(self, key: str, count: int) -> Table | None:
         """Return a cached table; None if there is none or it is invalid."""
-        if self._folder is None:
-            return None
         try:
             kept: dict[str, Any] = json.loads((self._folder / f"{key}.json").read_text("utf-8"))
             table = {
@@ -100,8 +98,6 @@ class Tables:
 
     def _store(self, key: str, table: Table) -> None:
         """Cache a table, atomically: several processes may do so at once."""
-        if self._folder is None:
-            return
         try:
             self._folder.mkdir(parents=True, exist_ok=True)
             with NamedTemporaryFile("w", dir=self._folder, delete=False, encoding="utf-8") as file:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 import struct
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -15,6 +16,20 @@ from star_fleet.packet import NULL, Port, join
 from star_fleet.parameters import CONTENTS as PARAMETERS
 from star_fleet.variables import FORMAT, VARIABLES
 from tests.simulators import ideal_fleet
+
+
+def place(address: str) -> tuple[str, int]:
+    """Return the host and the port of an address, with a scheme or without."""
+    host, _, port = address.rpartition("://")[2].rpartition(":")
+    return host, int(port)
+
+
+def received(client: socket.socket, size: int) -> bytes:
+    """Return the next bytes of a connection, so many."""
+    data = client.recv(size, socket.MSG_WAITALL)
+    assert len(data) == size, "it hung up"
+    return data
+
 
 LOG_NUMBER = {entry.name: i for i, entry in enumerate(VARIABLES)}
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from star_core.testing import scene
 from star_core.world.world import Beacon
-from star_fleet.decks import OPTIONAL
+from star_fleet.decks import OPTIONAL, Equipment
 from star_fleet.memory import READ, WRITE, Memories
 from star_fleet.packet import Port
 from tests.plugins.commands.star_fleet.conftest import Bench, Start
@@ -134,5 +134,7 @@ def test_lighthouse_geometries_are_those_of_the_world(start: Start) -> None:
 
 @given(st.integers(0, 3), st.binary(max_size=30))
 def test_no_question_breaks_it_or_is_answered_at_length(channel: int, payload: bytes) -> None:
-    answer = Memories(0xE7E7E7E7E7).answer(channel, payload)
+    answer = Memories(0xE7E7E7E7E7, [], Equipment([], [], lambda: [0] * 64)).answer(
+        channel, payload
+    )
     assert answer is None or len(answer) <= 30

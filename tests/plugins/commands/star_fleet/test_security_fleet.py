@@ -13,7 +13,7 @@ from star_core.testing import scene
 from star_fleet.packet import MAX_PAYLOAD
 from star_fleet.server import Fleet
 from star_radio.connection.udp_links import UdpLinks
-from tests.plugins.commands.star_fleet.test_server import place
+from tests.plugins.commands.star_fleet.conftest import place
 from tests.simulators import ideal_fleet
 
 PING = b"\xf0ping"

@@ -15,6 +15,7 @@ from star_core.testing import scene
 from star_fleet.packet import NULL, Port, join
 from star_fleet.server import address
 from star_sim.camera_sim.options import camera_options
+from tests.plugins.commands.star_fleet.conftest import place
 from tests.simulators import ideal_fleet
 
 FAST = 10.0
@@ -25,11 +26,6 @@ def client() -> Iterator[socket.socket]:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as made:
         made.settimeout(5.0)
         yield made
-
-
-def place(uri: str) -> tuple[str, int]:
-    host, _, port = uri.removeprefix("udp://").rpartition(":")
-    return host, int(port)
 
 
 def test_every_agent_has_a_port_of_its_own(client: socket.socket) -> None:
@@ -58,14 +54,9 @@ def test_ports_follow_the_first_one() -> None:
 def test_a_port_that_is_taken_is_named() -> None:
     with ideal_fleet(scene(1)) as fleet:
         taken = place(fleet.addresses[0])[1]
-        match = rf"agent 'cf2': port {taken} of '127.0.0.1' is not available: "
+        match = rf"agent 'cf1': port {taken} of '127.0.0.1' is not available: "
         with pytest.raises(PluginError, match=match):
-            ideal_fleet(scene(2), ports=[0, taken])
-
-
-def test_there_is_a_port_for_each_agent() -> None:
-    with pytest.raises(PluginError, match="1 ports for 2 agents"):
-        ideal_fleet(scene(2), ports=[0])
+            ideal_fleet(scene(1), port=taken)
 
 
 def test_images_are_streamed_to_the_client_that_asked_last(client: socket.socket) -> None:
@@ -106,13 +97,6 @@ def test_serving_ends_at_a_time_and_at_a_word() -> None:
     fleet.close()
     fleet.close()
     assert 0 < fleet.busy < 60
-
-
-def test_ports_are_free_again_when_it_is_closed() -> None:
-    with ideal_fleet(scene(1)) as fleet:
-        port = place(fleet.addresses[0])[1]
-    with ideal_fleet(scene(1), port=port):
-        pass
 
 
 def test_the_same_seed_gives_the_same_flight() -> None:

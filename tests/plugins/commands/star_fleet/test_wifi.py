@@ -15,6 +15,7 @@ from star_fleet.aideck import Wifi
 from star_fleet.packet import Port, join
 from star_sim.camera_sim.options import camera_options
 from star_sim.camera_sim.renderer import Renderer
+from tests.plugins.commands.star_fleet.conftest import place, received
 from tests.simulators import ideal_fleet
 from tests.waiting import eventually
 
@@ -23,20 +24,6 @@ def eyes() -> Scene:
     room = scene(2)
     one, two = room.agents
     return replace(room, agents=(one, replace(two, camera=Camera())))
-
-
-def receive(client: socket.socket, count: int) -> bytes:
-    data = b""
-    while len(data) < count:
-        more = client.recv(count - len(data))
-        assert more, "it hung up"
-        data += more
-    return data
-
-
-def place(address: str) -> tuple[str, int]:
-    host, _, port = address.removeprefix("tcp://").rpartition(":")
-    return host, int(port)
 
 
 def test_a_link_over_tcp_is_answered_and_streamed_to() -> None:
@@ -48,8 +35,8 @@ def test_a_link_over_tcp_is_answered_and_streamed_to() -> None:
                 client.sendall(struct.pack("<HBB", 2 + len(packet), 0x40 | 3 << 3 | 1, 3) + packet)
 
             def hear() -> bytes:
-                (length,) = struct.unpack("<H", receive(client, 2))
-                return receive(client, length)[2:]
+                (length,) = struct.unpack("<H", received(client, 2))
+                return received(client, length)[2:]
 
             say(join(Port.LOG, 1, struct.pack("<BBBH", 6, 1, 7, 0)))
             heard = [hear()]
@@ -66,8 +53,8 @@ def test_only_agents_with_a_camera_stream_images() -> None:
         wifi = Wifi(fleet, room, "127.0.0.1", links=None, cameras=0)
         assert list(wifi.cameras) == [1]
         with socket.create_connection(place(wifi.cameras[1]), timeout=60) as client:
-            (length,) = struct.unpack("<H", receive(client, 2))
-            head = receive(client, length)[2:]
+            (length,) = struct.unpack("<H", received(client, 2))
+            head = received(client, length)[2:]
             magic, width, height, depth, kind, size = struct.unpack("<BHHBBI", head)
             assert (magic, width, height, depth, kind) == (0xBC, 324, 244, 1, 0)
             assert size == 324 * 244

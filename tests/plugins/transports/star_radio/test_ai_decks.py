@@ -28,7 +28,7 @@ def test_images_are_gathered_by_row_and_time() -> None:
     agents = tuple(dataclasses.replace(agent, camera=camera) for agent in room.agents)
     room = dataclasses.replace(room, agents=agents)
     with ExitStack() as stack:
-        servers = [stack.enter_context(AideckServer(port=0, shape=SHAPE)) for _ in range(2)]
+        servers = [stack.enter_context(AideckServer(port=0)) for _ in range(2)]
         hosts = [f"{host}:{port}" for host, port in (server.address for server in servers)]
         decks = AiDecks(room, {"cf1": hosts[0], "cf3": hosts[1]}, latency=0.1)
         stack.callback(decks.close)
@@ -109,7 +109,7 @@ def test_a_deck_that_comes_up_while_agents_connect_is_waited_for(
 ) -> None:
     decks = open_decks(free)
     time.sleep(0.3)
-    with AideckServer(port=free, shape=SHAPE):
+    with AideckServer(port=free):
         decks.connect(5.0)
     assert caplog.messages == []
 
@@ -127,7 +127,7 @@ def test_lost_decks_and_their_return_are_reported_once(
     open_decks: Callable[[int], AiDecks], caplog: pytest.LogCaptureFixture
 ) -> None:
     caplog.set_level("INFO", SAID)
-    server = AideckServer(port=0, shape=SHAPE)
+    server = AideckServer(port=0)
     port = server.address[1]
     decks = open_decks(port)
     decks.connect(5.0)
@@ -138,7 +138,7 @@ def test_lost_decks_and_their_return_are_reported_once(
         decks.frames(0.0)
         time.sleep(0.02)
     assert len(caplog.messages) == 1
-    with AideckServer(port=port, shape=SHAPE) as again:
+    with AideckServer(port=port) as again:
         assert watched(decks, caplog, "radio: the camera of cf1 is back", again)
         decks.frames(0.0)
     assert [record.levelname for record in caplog.records] == ["WARNING", "INFO"]
@@ -164,7 +164,7 @@ def test_a_deck_that_sends_images_of_another_size_is_reported(
     open_decks: Callable[[int], AiDecks], caplog: pytest.LogCaptureFixture
 ) -> None:
     other = (SHAPE[0], SHAPE[1] + 2)
-    with AideckServer(port=0, shape=other) as server:
+    with AideckServer(port=0) as server:
         decks = open_decks(server.address[1])
         decks.connect(5.0)
         end = time.monotonic() + 5

@@ -6,7 +6,7 @@ import pytest
 
 from star_core import Supervisor
 from star_radio import orders
-from star_radio.handover import Handover, Repeat, Report
+from star_radio.handover import MAX_SETPOINT_DELAY, Handover, Repeat, Report
 
 FLIES = int(Supervisor.FLYING)
 PLANNED = int(Supervisor.FLYING | Supervisor.COMMANDER_ACTIVE)
@@ -36,7 +36,7 @@ def repeated(
         seconds: For how long to look.
         steered: Whether setpoints flew it before.
     """
-    handover = Handover(order, "do", 0.0, steered=steered)
+    handover = Handover(order, "do", 0.0, steered=steered, setpoint_at=-MAX_SETPOINT_DELAY)
     assert handover.repeat(0.0, None) is Repeat.ORDER
     found: list[tuple[float, Repeat]] = []
     for tick in range(1, round(seconds / PERIOD)):
@@ -57,7 +57,7 @@ def last(found: list[tuple[float, Repeat]]) -> float:
 
 
 def test_an_order_is_held_back_until_its_time() -> None:
-    handover = Handover(LAND, "land", 1.0, steered=True)
+    handover = Handover(LAND, "land", 1.0, steered=True, setpoint_at=0.0)
     assert handover.repeat(0.95, None) is Repeat.NOTHING
     assert handover.repeat(1.0, None) is Repeat.ORDER
 
@@ -124,7 +124,7 @@ def test_an_order_that_a_late_setpoint_cancelled_is_given_again() -> None:
 
 
 def test_what_is_seen_before_an_order_is_sent_does_not_end_it() -> None:
-    handover = Handover(LAND, "land", 1.0, steered=True)
+    handover = Handover(LAND, "land", 1.0, steered=True, setpoint_at=0.0)
     assert handover.repeat(0.9, Report(0.89, 0.05, PLANNED)) is Repeat.NOTHING
     assert not handover.over
     assert handover.repeat(1.1, Report(1.09, 0.05, PLANNED)) is Repeat.ORDER

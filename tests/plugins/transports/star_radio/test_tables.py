@@ -44,16 +44,16 @@ class Drone:
 EXPECTED: Table = {"pm.vbat": Entry(0, 7), "stateEstimate.x": Entry(1, 7)}
 
 
-def test_one_of_many_drones_is_read() -> None:
-    tables, drones = Tables(None), [Drone() for _ in range(8)]
+def test_one_of_many_drones_is_read(tmp_path: Path) -> None:
+    tables, drones = Tables(tmp_path), [Drone() for _ in range(8)]
     with ThreadPoolExecutor(8) as pool:
         found = list(pool.map(lambda drone: tables.of(LOG, drone.ask), drones))
     assert found == [EXPECTED] * 8
     assert sorted(drone.asked for drone in drones) == [1] * 7 + [3]
 
 
-def test_another_drone_is_read_when_one_dies_at_it() -> None:
-    tables, dying, other = Tables(None), Drone(dies=True), Drone()
+def test_another_drone_is_read_when_one_dies_at_it(tmp_path: Path) -> None:
+    tables, dying, other = Tables(tmp_path), Drone(dies=True), Drone()
     failed = threading.Event()
 
     def first() -> None:
@@ -93,14 +93,14 @@ def test_a_folder_that_cannot_be_written_is_reported(
     assert "cannot cache tables of contents in" in caplog.text
 
 
-def test_an_entry_without_a_name_is_refused() -> None:
+def test_an_entry_without_a_name_is_refused(tmp_path: Path) -> None:
     drone = Drone()
 
     def ask(questions: Sequence[Question]) -> list[bytes]:
         return [answer if answer[0] == 3 else answer[:4] for answer in drone.ask(questions)]
 
     with pytest.raises(PluginError, match="entry 0 of its log table cannot be read: '02000007'"):
-        Tables(None).of(LOG, ask)
+        Tables(tmp_path).of(LOG, ask)
 
 
 def test_tables_are_kept_in_the_users_cache(monkeypatch: pytest.MonkeyPatch) -> None:

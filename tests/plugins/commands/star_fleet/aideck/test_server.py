@@ -8,23 +8,15 @@ import threading
 import numpy as np
 import pytest
 
-from star_core import ContractError, Image, PluginError
+from star_core import Image, PluginError
 from star_fleet.aideck import AideckServer, framed
 from star_fleet.cpx import Switchboard
 from star_radio.camera.stream import Counts, Stream
+from tests.plugins.commands.star_fleet.conftest import received
 from tests.waiting import eventually
 
 SHAPE = (244, 324)
 BLANK = np.zeros(SHAPE, np.uint8)
-
-
-def received(client: socket.socket, size: int) -> bytes:
-    data = b""
-    while len(data) < size:
-        piece = client.recv(size - len(data))
-        assert piece
-        data += piece
-    return data
 
 
 @pytest.mark.parametrize("jpeg", [False, True])
@@ -147,20 +139,3 @@ def test_a_port_that_is_taken_is_named(*, shared: bool, switchboard: Switchboard
         with pytest.raises(PluginError, match=wanted):
             AideckServer(port=port, switchboard=switchboard if shared else None)
     assert threading.active_count() == before
-
-
-def test_a_number_that_is_no_port_is_named(switchboard: Switchboard) -> None:
-    with pytest.raises(PluginError, match=r"^cannot listen on 127\.0\.0\.1:70000: .*65535 "):
-        AideckServer(port=70_000, switchboard=switchboard)
-
-
-def test_an_image_of_another_shape_is_refused(switchboard: Switchboard) -> None:
-    with (
-        AideckServer(port=0, switchboard=switchboard) as server,
-        pytest.raises(
-            ContractError,
-            match=r"^image of an AI-deck has shape \(324, 244\) and dtype uint8, expected"
-            r" \(244, 324\) and uint8 ",
-        ),
-    ):
-        server.publish(BLANK.T, 0.0)
