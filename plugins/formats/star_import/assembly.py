@@ -21,7 +21,7 @@ from star_import.obstacles import Wall, has_inside, walls
 from star_import.output_files import OutputFiles, Room, around, corners
 from star_import.records import Record, records
 from star_import.robots import Robot, command_line_agents, positioning, robots
-from star_import.sources import Sources, misspelled
+from star_import.sources import Sources, misspelled, path_of
 from star_import.steps import Steps
 from star_import.tags import EDGE, Reading, Sheet, sheets
 from star_import.text import Line
@@ -84,8 +84,7 @@ def assemble(
     if sources.broken:
         raise sources.broken
     swarm = _swarm(sources, options, log)
-    numbers = config(sources.config[1], log) if sources.config else Config()
-    room = sources.environment[1] if sources.environment else None
+    numbers, room = config(sources.config, log), sources.environment
     built = walls(room, log, flat=numbers.expansion <= 1) if room else []
     corner = options.as_executed and not numbers.centred
     reading = Reading(
@@ -98,14 +97,10 @@ def assemble(
     commands: list[Record] = []
     if sources.mission:
         with log.collected():
-            commands = records(sources.mission[1], [robot.name for robot in swarm], log)
+            commands = records(sources.mission, [robot.name for robot in swarm], log)
     cameras = _calibrations(sources, log)
-    measured = capture(sources.capture[1] if sources.capture else None, swarm, log)
-    received = beacons(
-        sources.stations[1] if sources.stations else None,
-        sources.anchors[1] if sources.anchors else None,
-        log,
-    )
+    measured = capture(sources.capture, swarm, log)
+    received = beacons(sources.stations, sources.anchors, log)
     _check_positions(built, printed, swarm, commands, received, log)
     flown = options.trajectories.flown(sources, swarm, log, direct=options.direct)
     log.raise_problems()
@@ -118,7 +113,7 @@ def assemble(
         fence = options.fence or around(points or [(0.0, 0.0)], WIDE if flown.agents else MARGIN)
     name = _named(options.name or sources.paths[0].stem)
     room_name = f"{name}-room" if swarm else name
-    world = _named(sources.environment[0].stem if sources.environment else room_name)
+    world = _named(path_of(sources.environment).stem if sources.environment else room_name)
     exact = options.as_executed or _crowded(swarm, commands, numbers)
     output = OutputFiles(
         made_of=", ".join(path.name for path in sources.paths),
@@ -305,15 +300,14 @@ def _swarm(sources: Sources, options: ImportOptions, log: ImportLog) -> list[Rob
     """Return all agents named by a file or the command line."""
     agents = command_line_agents(options.agents, log.new_agent.partition("{}")[0])
     if sources.robots:
-        types = sources.types[1] if sources.types else None
         with log.collected():
-            agents = [*robots(sources.robots[1], types, log), *agents]
+            agents = [*robots(sources.robots, sources.types, log), *agents]
     names = [robot.name for robot in agents]
     for robot in agents[len(agents) - len(options.agents) :]:
         if names.count(robot.name) > 1:
             log.problems.append(f"{robot.location}: another agent is named {robot.name!r} too")
     if not agents and not log.problems and (sources.mission or sources.trajectories):
-        first = sources.mission[0] if sources.mission else sources.trajectories[0]
+        first = path_of(sources.mission) if sources.mission else sources.trajectories[0]
         log.problems.append(
             f"{first}: has no positions of agents; give crazyflies.yaml too, or "
             f"{log.new_agent.format('NAME')} for each"
@@ -323,28 +317,27 @@ def _swarm(sources: Sources, options: ImportOptions, log: ImportLog) -> list[Rob
 
 def _calibrations(sources: Sources, log: ImportLog) -> list[Calibration]:
     cameras = []
-    for path, file in sources.calibrations:
+    for file in sources.calibrations:
         with log.collected():
-            cameras.append(calibration(path, file, log))
+            cameras.append(calibration(path_of(file), file, log))
     return cameras
 
 
 def _log_sources(sources: Sources, log: ImportLog) -> None:
     """Log what of the files has no effect at all."""
     if sources.config and not sources.environment:
-        chosen = sources.config[1].map().get("environment_file")
+        chosen = sources.config.map().get("environment_file")
         if chosen is not None and chosen.data:
             text = "this environment is not among the files; the mission is flown in none"
             log.changed(chosen.begins_at, text)
     if sources.server:
         text = "options of Crazyswarm2's server; STAR's transports and simulator have their own"
-        log.ignored(sources.server[1].begins_at, text)
+        log.ignored(sources.server.begins_at, text)
     if sources.tags:
-        tags = sources.tags[1]
-        if (family := tags.map().get("family")) is not None and str(family.data) != "36h11":
+        if (family := sources.tags.map().get("family")) is not None and str(family.data) != "36h11":
             log.changed(family.begins_at, "tags are of the family 36h11, as in the original")
         why = "is an option of another detector"
-        log.ignore_keys(tags, {"family", "size"}, why=why)
+        log.ignore_keys(sources.tags, {"family", "size"}, why=why)
     for path in sources.others:
         if near := misspelled(path):
             line, key, meant = near
@@ -388,11 +381,11 @@ def _log_choices(
         )
     if sources.mission:
         log.assumed(
-            str(sources.mission[0]), "every step has a timeout, the original's take-off only"
+            sources.mission.mark.source, "every step has a timeout, the original's take-off only"
         )
     if frame.reactions and sources.environment:
         log.assumed(
-            str(sources.environment[0]),
+            sources.environment.mark.source,
             "the first agent that comes near a target that was found flies to it and lands",
         )
 
@@ -410,7 +403,7 @@ def _planner(
     if options.as_executed:
         log.assumed("planner", "keeps no distance from obstacles, as executed")
         return f"{{use: visibility, clearance: 0{turn}}}"
-    where = sources.environment[1].begins_at if sources.environment else "planner"
+    where = sources.environment.begins_at if sources.environment else "planner"
     text = f"the planner keeps {CLEARANCE} m from obstacles where it can, the original none"
     log.changed(where, text)
     return f"{{use: visibility{turn}}}" if turn else "visibility"
@@ -418,7 +411,7 @@ def _planner(
 
 def _edge(sources: Sources, log: ImportLog) -> float:
     """Return the edge of the original's tags, m."""
-    if sources.tags and (size := sources.tags[1].map().get("size")) is not None:
+    if sources.tags and (size := sources.tags.map().get("size")) is not None:
         with log.collected():
             if (edge := size.number()) > 0:
                 return edge

@@ -6,6 +6,7 @@ import argparse
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from star_core import InputError, Registry
@@ -105,94 +106,40 @@ def configure(line: argparse.ArgumentParser) -> None:
         "and anchors that the Crazyflie client saved to worlds; list what was refused, changed, "
         "assumed and ignored."
     )
-    line.add_argument(
-        "files", nargs="+", metavar="FILE", help="files and folders to import, in any order"
-    )
-    line.add_argument("--out", metavar="DIR", default="imported", help="write to DIR (%(default)s)")
-    line.add_argument("--force", action="store_true", help="overwrite existing files")
-    line.add_argument("--json", action="store_true", help="print the list as JSON")
-    line.add_argument("--name", help="name of the mission (that of its file)")
-    line.add_argument(
-        "--environment", metavar="NAME", help="environment to fly in (that of config.yaml)"
-    )
-    line.add_argument(
-        "--agent",
-        action="append",
-        default=[],
-        metavar="NAME=X,Y",
-        help="add an agent that no crazyflies.yaml lists; position in m",
-    )
-    line.add_argument(
-        "--target",
-        action="append",
-        default=[],
-        metavar="TAG=X,Y",
-        help="position of a target that has none in the environment, m",
-    )
-    line.add_argument(
-        "--virtual",
-        action="append",
-        default=[],
-        metavar="NAME",
-        help="obstacle that agents may fly through, or `all` (those that hold tags, starts or "
-        "goals)",
-    )
-    line.add_argument(
-        "--solid",
-        action="append",
-        default=[],
-        metavar="NAME",
-        help="obstacle that is really there, or `all`: not virtual in any case",
-    )
-    line.add_argument(
-        "--fence",
-        nargs=6,
-        type=float,
-        metavar=("X", "Y", "Z", "X2", "Y2", "Z2"),
-        help="lower and upper corner of the fence, m (around everything)",
-    )
-    line.add_argument(
-        "--tag-size",
-        type=_positive,
-        metavar="M",
-        help=f"edge of the tags, m ({EDGE:g})",
-    )
-    line.add_argument(
-        "--tag-origin",
-        choices=["centre", "corner"],
-        help="reference point of tag positions (centre; with --as-executed that of config.yaml)",
-    )
-    line.add_argument("--speed", type=_positive, metavar="M/S", help="speed limit (0.1; 0.5)")
-    line.add_argument(
-        "--acceleration", type=_positive, metavar="M/S2", help="acceleration limit (2)"
-    )
-    line.add_argument(
-        "--timescale",
-        type=_positive,
-        default=1.0,
-        metavar="TIMES",
-        help="factor by which trajectories are stretched",
-    )
-    line.add_argument(
-        "--trajectory",
-        action="append",
-        default=[],
-        metavar="NAME=FILE",
-        help="trajectory of one agent; those of several are flown at once",
-    )
-    line.add_argument(
-        "--bridge-gaps",
-        action="store_true",
-        help="bridge gaps between pieces of trajectories by further pieces",
-    )
-    line.add_argument(
-        "--on-board", action="store_true", help="let the drones' commanders fly trajectories"
-    )
-    line.add_argument(
-        "--as-executed",
-        action="store_true",
-        help="reproduce what the original did where that differs from the intent",
-    )
+    add = line.add_argument
+    several = partial(add, action="append", default=[])
+    switch = partial(add, action="store_true")
+    size = partial(add, type=_positive)
+    add("files", nargs="+", metavar="FILE", help="files and folders to import, in any order")
+    add("--out", metavar="DIR", default="imported", help="write to DIR (%(default)s)")
+    switch("--force", help="overwrite existing files")
+    switch("--json", help="print the list as JSON")
+    add("--name", help="name of the mission (that of its file)")
+    add("--environment", metavar="NAME", help="environment to fly in (that of config.yaml)")
+    text = "add an agent that no crazyflies.yaml lists; position in m"
+    several("--agent", metavar="NAME=X,Y", help=text)
+    text = "position of a target that has none in the environment, m"
+    several("--target", metavar="TAG=X,Y", help=text)
+    text = "obstacle that agents may fly through, or `all` (those that hold tags, starts or goals)"
+    several("--virtual", metavar="NAME", help=text)
+    text = "obstacle that is really there, or `all`: not virtual in any case"
+    several("--solid", metavar="NAME", help=text)
+    corners = ("X", "Y", "Z", "X2", "Y2", "Z2")
+    text = "lower and upper corner of the fence, m (around everything)"
+    add("--fence", nargs=6, type=float, metavar=corners, help=text)
+    size("--tag-size", metavar="M", help=f"edge of the tags, m ({EDGE:g})")
+    text = "reference point of tag positions (centre; with --as-executed that of config.yaml)"
+    add("--tag-origin", choices=["centre", "corner"], help=text)
+    size("--speed", metavar="M/S", help="speed limit (0.1; 0.5)")
+    size("--acceleration", metavar="M/S2", help="acceleration limit (2)")
+    text = "factor by which trajectories are stretched"
+    size("--timescale", default=1.0, metavar="TIMES", help=text)
+    text = "trajectory of one agent; those of several are flown at once"
+    several("--trajectory", metavar="NAME=FILE", help=text)
+    switch("--bridge-gaps", help="bridge gaps between pieces of trajectories by further pieces")
+    switch("--on-board", help="let the drones' commanders fly trajectories")
+    text = "reproduce what the original did where that differs from the intent"
+    switch("--as-executed", help=text)
 
 
 def _positive(text: str) -> float:

@@ -66,8 +66,13 @@ class Config:
     pitch_deg: float = 45.0
 
 
-def config(file: Value, log: ImportLog) -> Config:
-    """Return the numbers of a file; invalid ones are added to the problems of `log`."""
+def config(file: Value | None, log: ImportLog) -> Config:
+    """Return the numbers of a file; invalid ones are added to the problems of `log`.
+
+    Without a file they are the defaults.
+    """
+    if file is None:
+        return Config()
     numbers: dict[str, Any] = {}
     keys = file.map()
     trajectory = keys.get("trajectory_parameters")

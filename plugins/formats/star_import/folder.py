@@ -21,7 +21,7 @@ from star_import.assembly import ImportOptions, assemble
 from star_import.import_log import ImportLog
 from star_import.output_files import OutputFiles
 from star_import.selection import ENVIRONMENT, Choice, selected, with_surroundings
-from star_import.sources import Sources
+from star_import.sources import Sources, path_of
 
 Relocate: TypeAlias = Callable[[str], str]
 
@@ -196,7 +196,7 @@ def _imported(path: Path, sources: Sources, changes: _Changes, registry: Registr
     count = f"{main}: warning: `{command}` lists what was assumed and ignored"
     return _Import(
         path=main,
-        world=sources.environment[0] if sources.environment else main,
+        world=path_of(sources.environment) if sources.environment else main,
         root=path
         if path.is_dir()
         else with_surroundings(path)[-1]

@@ -9,10 +9,9 @@ from pathlib import Path
 from typing import Any, Final
 
 from star_core import InputError, Registry
-from star_core.formats import format_function
+from star_core.formats import Value, format_function
 from star_import.sources import (
     SINGLE,
-    File,
     Files,
     Sources,
     files_in,
@@ -45,10 +44,10 @@ def selected(paths: Sequence[Path], choice: Choice, registry: Registry) -> Itera
     files = sorted_out(paths, registry)
     shown = ", ".join(map(str, paths))
 
-    def read(path: Path) -> File:
+    def read(path: Path) -> Value:
         if path not in files.values:
             files.values[path] = format_function("values", registry)(path)
-        return path, files.values[path]
+        return files.values[path]
 
     chosen = {sort: _only(files, sort, shown) for sort in SINGLE}
     single: dict[str, Any] = {sort: read(path) for sort, path in chosen.items() if path}
@@ -106,7 +105,7 @@ def _only(files: Files, sort: str, shown: str) -> Path | None:
     return several[0] if several else None
 
 
-def _environment(files: Files, config: File | None, choice: Choice, shown: str) -> Path | None:
+def _environment(files: Files, config: Value | None, choice: Choice, shown: str) -> Path | None:
     """Return the environment of the missions, if there is one.
 
     Raises:
@@ -117,7 +116,7 @@ def _environment(files: Files, config: File | None, choice: Choice, shown: str) 
     name, where = choice.name, f"{choice.option}{choice.name}"
     if not name and len(several) == 1 and several[0] in files.named:
         return several[0]
-    if not name and config and (value := config[1].map().get(ENVIRONMENT)):
+    if not name and config and (value := config.map().get(ENVIRONMENT)):
         name, where = value.text(), value.begins_at
     listed = ", ".join(path.name for path in every)
     hint = f"{choice.option}NAME chooses one of {listed}"

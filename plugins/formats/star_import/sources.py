@@ -8,12 +8,10 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Final, TypeAlias
+from typing import Final
 
 from star_core import InputError, Registry
 from star_core.formats import Value, format_function
-
-File: TypeAlias = tuple[Path, Value]
 
 SORTS: Final[Mapping[str, frozenset[str]]] = {
     "mission": frozenset({"command_sequence"}),
@@ -46,33 +44,33 @@ class Sources:
     """The files of one mission, if present.
 
     Attributes:
-        mission: The original STAR's list of commands, and its path.
-        environment: Its obstacles and tags, and their path.
-        robots: Crazyswarm2's or Crazyswarm's robots, and their path.
-        types: Crazyswarm's types of robots, and their path.
-        config: The original's parameters, and their path.
-        tags: The configuration of its detector of tags, and its path.
-        capture: The motion-capture system, and its path.
-        server: Options of Crazyswarm2's server and simulator, and their path.
-        stations: Geometry of Lighthouse base stations, and its path.
-        anchors: Positions of Loco anchors, and their path.
-        calibrations: Cameras, and their paths.
+        mission: The original STAR's list of commands.
+        environment: Its obstacles and tags.
+        robots: Crazyswarm2's or Crazyswarm's robots.
+        types: Crazyswarm's types of robots.
+        config: The original's parameters.
+        tags: The configuration of its detector of tags.
+        capture: The motion-capture system.
+        server: Options of Crazyswarm2's server and simulator.
+        stations: Geometry of Lighthouse base stations.
+        anchors: Positions of Loco anchors.
+        calibrations: Cameras.
         trajectories: Paths of polynomial trajectories.
         others: Paths of files that are none of these.
         broken: Why the mission cannot be read, if it cannot.
     """
 
-    mission: File | None = None
-    environment: File | None = None
-    robots: File | None = None
-    types: File | None = None
-    config: File | None = None
-    tags: File | None = None
-    capture: File | None = None
-    server: File | None = None
-    stations: File | None = None
-    anchors: File | None = None
-    calibrations: Sequence[File] = ()
+    mission: Value | None = None
+    environment: Value | None = None
+    robots: Value | None = None
+    types: Value | None = None
+    config: Value | None = None
+    tags: Value | None = None
+    capture: Value | None = None
+    server: Value | None = None
+    stations: Value | None = None
+    anchors: Value | None = None
+    calibrations: Sequence[Value] = ()
     trajectories: Sequence[Path] = ()
     others: Sequence[Path] = ()
     broken: InputError | None = None
@@ -83,8 +81,12 @@ class Sources:
         files = (self.mission, self.environment, self.robots, self.types, self.config, self.tags,
                  self.capture, self.server, self.stations, self.anchors,
                  *self.calibrations)  # fmt: skip
-        listed = [*(source[0] for source in files if source), *self.trajectories]
-        return list(dict.fromkeys(listed))
+        return list(dict.fromkeys([*map(path_of, filter(None, files)), *self.trajectories]))
+
+
+def path_of(file: Value) -> Path:
+    """Return the path of a file, of which this is the content."""
+    return Path(file.mark.source)
 
 
 @dataclass(slots=True)

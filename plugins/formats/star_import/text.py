@@ -36,19 +36,23 @@ def word(text: str) -> str:
 
 
 def traced(problem: str, file: str, shown: str, lines: Sequence[Line]) -> str:
-    """Return a problem of an output file with the location its line was imported from.
+    """Return a problem with the locations that the lines of an output file were imported from.
 
     Args:
-        problem: Message of a check, ``file:line:col: message`` for this file.
+        problem: Message of a check, ``file:line:col: message`` if it is about this file.
         file: Name of the file in that message.
-        shown: Name of the file to use if the line has no origin.
+        shown: Name of the file to use if a line has no origin.
         lines: Lines of the file.
+
+    >>> lines = [Line("a: 1", "o.yaml:7:3"), Line("b: 2")]
+    >>> traced("/tmp/m.yaml:1:4: as at /tmp/m.yaml:2", "/tmp/m.yaml", "m.yaml", lines)
+    'o.yaml:7:3: as STAR reads it: as at m.yaml:2'
     """
-    match = re.fullmatch(re.escape(file) + r":(\d+):\d+: (.*)", problem, re.DOTALL)
-    if not match:
-        return problem
-    number, message = int(match[1]), match[2]
-    line = lines[number - 1] if number <= len(lines) else Line("")
-    if line.origin:
-        return f"{line.origin}: as STAR reads it: {message}"
-    return f"{shown}:{number}: {message}"
+
+    def origin(match: re.Match[str]) -> str:
+        number = int(match[1])
+        text = lines[number - 1].origin if number <= len(lines) else ""
+        read = ": as STAR reads it" if text and not match.start() else ""
+        return f"{text or f'{shown}:{number}'}{read}"
+
+    return re.sub(re.escape(file) + r":(\d+)(?::\d+)?", origin, problem)

@@ -103,7 +103,7 @@ class Trajectories:
     def steps(self, flown: Flown, sources: Sources, log: ImportLog) -> Iterator[Line]:
         """Yield the steps of trajectories, with a take-off and a landing."""
         if sources.mission:
-            log.assumed(str(sources.mission[0]), "trajectories are flown after its commands")
+            log.assumed(sources.mission.mark.source, "trajectories are flown after its commands")
         text = f"a take-off to {HEIGHT:g} m and a landing, which are not in the files, are added"
         log.assumed("mission", text)
         yield Line(f"  - takeoff: {{height: {HEIGHT:g}}}")
