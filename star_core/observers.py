@@ -24,7 +24,6 @@ class Observers:
 
     Args:
         plugins: Those that observe flights, by name.
-        compute_time: Measures each plugin.
 
     Attributes:
         events: All events so far.

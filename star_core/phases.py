@@ -69,9 +69,6 @@ class Phases:
     [0, 1]
     >>> list(phases.changes())
     [('cf2', 'taking_off')]
-
-    Args:
-        names: Name of the agent in each row.
     """
 
     def __init__(self, names: Sequence[str]) -> None:

@@ -72,15 +72,8 @@ CONTRACTS: Final = {
 class PluginStage:
     """A plugin of the pipeline, whose calls are guarded, timed and validated.
 
-    Args:
-        name: Kind, name and source of the plugin.
-        watch: Measures the time spent in its calls.
-        strikes: Counts its failures in flight.
-
     Attributes:
-        name: For messages.
         plugin: Once it is made.
-        watch: As given.
         making: Guards calls before and after the flight.
     """
 
@@ -119,10 +112,6 @@ class PluginPipeline:
 
     Every method may raise `PluginError`. Failures in flight are tolerated at first where the
     docstring of a method names a fallback.
-
-    Args:
-        mission: Names the plugins.
-        registry: Where they are found.
 
     Attributes:
         compute_time: Of every plugin of the flight.

@@ -75,17 +75,8 @@ def open_flight(
 ) -> OpenFlight:
     """Begin a flight that its caller steps, commands and closes.
 
-    Args:
-        mission: Scene, plugins and safety rules.
-        registry: Of its plugins and observers.
-        steps: Whether the mission's steps are flown, too, by agents until they are given something
-            else.
-        folder: For the observers' records.
-        save_frames: Whether to record the cameras' images.
-        operator: Controls of the flight, for its caller; observers receive them as well.
-
-    Raises:
-        PluginError: A plugin cannot be made, or the links cannot be opened; nothing has moved.
+    With `steps`, those of the mission are flown, too, by agents until they are given something
+    else. All else is as of `fly`.
 
     Example:
         >>> from star_core import Registry, load
@@ -142,12 +133,7 @@ class OpenFlight:
     at the mission's rate.
 
     Args:
-        mission: What to fly.
-        registry: Of its plugins and observers.
         has_steps: Whether the flight is over when the mission's steps are done.
-        folder: For the observers' records; None for no record.
-        save_frames: Whether to record the cameras' images.
-        operator: Controls of the flight.
 
     Attributes:
         scene: What every plugin was made with.
@@ -399,13 +385,7 @@ class OpenFlight:
             self._stop("abort", "not started: interrupted by the operator")
 
     def _stop(self, end: str, reason: str, *, failed: bool = False) -> None:
-        """Note that the flight is over, with a trigger of the mission, and why.
-
-        Args:
-            end: The trigger.
-            reason: Empty if the mission completes.
-            failed: Whether a plugin failed, or Python was interrupted.
-        """
+        """Note that the flight is over, with a trigger of the mission, and why."""
         self.over, self._end, self.reason, self._failed = True, end, reason, failed
 
     def _land(self) -> None:

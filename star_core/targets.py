@@ -18,9 +18,6 @@ class Targets:
 
     A target's position is the mean of all its sightings, weighted by their inverse variances; of
     a target with several tags, that of its first.
-
-    Args:
-        scene: With the world whose targets are to be found.
     """
 
     def __init__(self, scene: Scene) -> None:

@@ -12,7 +12,7 @@ from star_core.contracts import Status
 from star_core.errors import PluginError, shortlist
 from star_core.execution.assignments import Assignments
 from star_core.execution.executor import StepExecutor
-from star_core.execution.instructions import GoalDraft, Instructions, hold
+from star_core.execution.instructions import GoalDraft, Instructions
 from star_core.execution.land_all import LandAll
 from star_core.execution.landing import LandingManager
 from star_core.execution.program import Program
@@ -82,11 +82,7 @@ class ControlLoop:
     """Flies the steps of a mission and lands all agents, a tick at a time.
 
     Args:
-        mission: What to fly.
-        registry: Where verbs are found.
         pipeline: The four plugins; their transport is connected before the first tick.
-        observers: Receive every tick and event.
-        operator: Requests to stop the motors.
 
     Attributes:
         program: What the program of the flight gives the agents.
@@ -165,13 +161,15 @@ class ControlLoop:
             context = self._context(state, excused)
             status, instructions = self._executor.step(context)
             if self._reserves is not None:
-                instructions = self._reserves.step(context, instructions)
-            instructions = self.program.step(instructions)
+                self._reserves.step(context, instructions)
+            self.program.step(instructions)
         self._send_commands(instructions, state.estimate)
-        goals = self._landing.step(state.estimate, instructions.goals)
+        goals = instructions.goals
+        self._landing.step(state.estimate, goals)
         self._landing.repeat_missed(telemetry, state.estimate)
-        flying = vehicles.phases.among(AgentPhase.FLYING)
-        self._goals = hold(goals, flying, state.estimate, self._scene.limits.speed)
+        idle = vehicles.phases.among(AgentPhase.FLYING) & ~goals.active
+        goals.hold(idle, state.estimate, self._scene.limits.speed)
+        self._goals = goals.finish()
         if self._land_all is None or some(self._goals.active):
             self._steer(state, shortlist(instructions.doing))
         else:

@@ -36,11 +36,6 @@ MAX_SETTLING_TIME = 2.0  # s that it has for that
 class VehicleInterface:
     """Telemetry, estimates and phases in; commands and setpoints out, in each agent's own frame.
 
-    Args:
-        scene: The agents.
-        pipeline: The four plugins; their transport is connected.
-        observers: Receive changes of phases.
-
     Attributes:
         time: Of the tick, s.
         estimate: Of the tick; None before the first.

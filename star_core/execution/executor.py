@@ -8,7 +8,7 @@ from typing import Any
 
 from star_core.contracts import Status
 from star_core.execution.assignments import Assignments, Team
-from star_core.execution.instructions import Draft, Instructions
+from star_core.execution.instructions import GoalDraft, Instructions
 from star_core.execution.step_run import (
     Execution,
     Rounds,
@@ -49,11 +49,8 @@ class StepExecutor:
     """Runs the steps of a mission.
 
     Args:
-        mission: What to fly.
-        tasks: Of its steps.
         assignments: The agents of the mission; an agent that loses its slot leaves its steps.
         observers: Receive the begin and the end of each step; their events end steps.
-        strikes: Counts the failures of each.
 
     Attributes:
         reason: Why the mission failed, once it has.
@@ -72,7 +69,7 @@ class StepExecutor:
         self._tasks = tasks
         self._shared = Execution(mission.scene, assignments, tasks, observers, strikes)
         self._tick: TickContext
-        self._draft: Draft
+        self._instructions: Instructions
         self._running = [self._sequence(mission.steps)]
         self._reactions = dict(enumerate(mission.reactions, start=1))  # that have not begun
         self._ending: set[int] = set()  # agents in steps that end on the ground
@@ -88,8 +85,8 @@ class StepExecutor:
     def step(self, tick: TickContext) -> tuple[Status, Instructions]:
         """Run one tick of every running step; return the mission's status, and what to do."""
         self._tick, self._time = tick, tick.time
-        self._draft = Draft(Instructions(tick.goals))
-        self._draft.goals.stop()
+        self._instructions = Instructions(GoalDraft(tick.goals))
+        self._instructions.goals.stop()
         if self._reactions:
             self._react()
         statuses = [next(sequence) for sequence in self._running]
@@ -98,7 +95,7 @@ class StepExecutor:
         status = Status.RUNNING if self._running else Status.SUCCESS
         if Status.FAILURE in statuses:
             status = Status.FAILURE
-        return status, self._draft.finish()
+        return status, self._instructions
 
     def start(self, action: Action, program: int) -> StartedStep:
         """Start a step in the next tick, whose agents leave the steps that they are in.
@@ -240,10 +237,10 @@ class StepExecutor:
         unlocated = [row for row in team.rows if not self._tick.estimate.valid[row]]
         wait = f", not located yet: {scene.named(unlocated)}" if unlocated else ""
         log(f"begins{until}{wait}", action, team.rows, rounds)
-        run = StepRun.begin(action, team, self._tick, self._draft, self._shared, rounds)
+        run = StepRun.begin(action, team, self._tick, self._instructions, self._shared, rounds)
         self.steps.append(run.entry)
         ends = self._tasks.spec(action).after == "ground"
-        while (result := run.step(self._tick, self._draft))[0] is Status.RUNNING:
+        while (result := run.step(self._tick, self._instructions))[0] is Status.RUNNING:
             if ends:
                 self._ending.update(run.team.rows)
             yield Status.RUNNING
@@ -254,7 +251,7 @@ class StepExecutor:
             log("is over: its agents react", action, (), rounds)
             yield Status.SUCCESS
             return
-        self._draft.free.update(run.team.rows)
+        self._instructions.free.update(run.team.rows)
         outcome = "success" if status is Status.SUCCESS else "failure"
         run.entry |= {"ended_s": self._tick.time, "outcome": outcome}
         if status is Status.FAILURE:
@@ -282,7 +279,7 @@ class StepExecutor:
         phase = self._tick.health.phase
         leave = set(rows) if land else {row for row in rows if phase[row] in UNFIT}
         self._assignments.vacate(leave, retire=land)
-        self._draft.leave |= leave
+        self._instructions.leave |= leave
         text += f"; on_failure: {action.on_failure}"
         self._shared.report("failure", text, action, rows, rounds)
         return Status.SUCCESS

@@ -1,10 +1,11 @@
-"""Instructions for one tick: goals and commands; each stage returns new ones."""
+"""Instructions for one tick: goals and commands, to which each stage adds."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping
-from typing import Final, NamedTuple
+from dataclasses import dataclass, field
+from typing import Final
 
 import numpy as np
 
@@ -25,31 +26,8 @@ NUMBERS: Final = ("position", "velocity", "yaw", "speed")
 """Columns of `Goals` that are numbers."""
 
 
-class Instructions(NamedTuple):
-    """Goals and commands of the swarm for one tick.
-
-    Attributes:
-        goals: Of all agents; they persist from tick to tick.
-        commands: To send, in this order.
-        doing: The running steps.
-        leave: Agents that are to land and leave the mission.
-        free: Agents whose step is over or that left it: what they fly on board is aborted.
-        parameters: Of agents' firmware to set: rows and values of each step that sets some.
-    """
-
-    goals: Goals
-    commands: tuple[Command, ...] = ()
-    doing: tuple[str, ...] = ()
-    leave: frozenset[int] = frozenset()
-    free: frozenset[int] = frozenset()
-    parameters: tuple[tuple[tuple[int, ...], Mapping[str, float]], ...] = ()
-
-
 class GoalDraft:
-    """Goals that a stage changes, before it returns them.
-
-    Args:
-        goals: Those to start from.
+    """Goals that the stages of a tick change.
 
     Attributes:
         position: (N, 3) m, map frame.
@@ -87,6 +65,8 @@ class GoalDraft:
 
     def hold(self, rows: Mask, estimate: Estimate, speed: float) -> None:
         """Set the goals of some agents, (N,), to their positions."""
+        if not some(rows):
+            return
         self.position[rows], self._yaw[rows] = estimate.position[rows], estimate.yaw[rows]
         self._speed[rows], self.active[rows] = speed, True
 
@@ -119,38 +99,25 @@ def _merged(column: Array | None, other: Array | None, rows: Rows | slice) -> Ar
     return merged
 
 
-def hold(goals: Goals, flying: Mask, estimate: Estimate, speed: float) -> Goals:
-    """Return goals in which flying agents, (N,), without a goal hold their positions."""
-    rows = flying & ~goals.active
-    if not some(rows):
-        return goals
-    draft = GoalDraft(goals)
-    draft.hold(rows, estimate, speed)
-    return draft.finish()
-
-
-class Draft:
-    """Instructions that one stage of a tick makes or adds to, before it returns them.
-
-    Args:
-        instructions: Those to start from.
+@dataclass(slots=True)
+class Instructions:
+    """Goals and commands of the swarm for one tick, which its stages add to.
 
     Attributes:
-        goals: Of all agents.
-        commands: As in `Instructions`, like the next three.
+        goals: Of all agents; they persist from tick to tick.
+        commands: To send, in this order.
         doing: The running steps.
         leave: Agents that are to land and leave the mission.
-        free: Agents whose step is over or that left it.
-        parameters: As in `Instructions`.
+        free: Agents whose step is over or that left it: what they fly on board is aborted.
+        parameters: Of agents' firmware to set: rows and values of each step that sets some.
     """
 
-    def __init__(self, instructions: Instructions) -> None:
-        self.goals = GoalDraft(instructions.goals)
-        self.commands = [*instructions.commands]
-        self.doing = [*instructions.doing]
-        self.leave = {*instructions.leave}
-        self.free = {*instructions.free}
-        self.parameters = [*instructions.parameters]
+    goals: GoalDraft
+    commands: list[Command] = field(default_factory=list)
+    doing: list[str] = field(default_factory=list)
+    leave: set[int] = field(default_factory=set)
+    free: set[int] = field(default_factory=set)
+    parameters: list[tuple[tuple[int, ...], Mapping[str, float]]] = field(default_factory=list)
 
     def add(
         self,
@@ -184,17 +151,6 @@ class Draft:
             _check_parameters(output.parameters)
             self.parameters.append((tuple(np.flatnonzero(members).tolist()), output.parameters))
         return output
-
-    def finish(self) -> Instructions:
-        """Return the instructions, which do not change any more."""
-        return Instructions(
-            self.goals.finish(),
-            tuple(self.commands),
-            tuple(self.doing),
-            frozenset(self.leave),
-            frozenset(self.free),
-            tuple(self.parameters),
-        )
 
 
 def _check_parameters(parameters: Mapping[str, float]) -> None:

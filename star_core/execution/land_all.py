@@ -8,7 +8,7 @@ import numpy as np
 
 from star_core.errors import PluginError
 from star_core.execution.assignments import Assignments
-from star_core.execution.instructions import Instructions
+from star_core.execution.instructions import GoalDraft, Instructions
 from star_core.execution.landing import LandingManager
 from star_core.messages.arrays import Mask
 from star_core.messages.state import AIRBORNE, AgentPhase, Estimate, Goals
@@ -27,12 +27,6 @@ class LandAll:
     """Lands the agents that are in the air, and waits until they report to be on the ground.
 
     Args:
-        scene: The agents.
-        vehicles: The swarm.
-        landing: Commands the landings.
-        assignments: The agents of the mission.
-        observers: Receive the events.
-        operator: Requests to stop the motors.
         complete: Whether the mission's steps are done.
         at_once: Land each agent from its position, without leading it to a free one first, which
             takes every plugin.
@@ -119,8 +113,8 @@ class LandAll:
         if self._at_once:
             self._landing.land_now(agents, estimate)
             agents = agents[:0]
-        leave = frozenset(agents.tolist())
-        return Instructions(self._no_goals, doing=("landing",), leave=leave)
+        goals = GoalDraft(self._no_goals)
+        return Instructions(goals, doing=["landing"], leave={*agents.tolist()})
 
     def _wait_unheard(self) -> str:
         """Wait for the end of all landings without telemetry; return what failed.

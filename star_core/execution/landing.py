@@ -14,7 +14,7 @@ from star_core.geometry.free_position import AGENT_CLEARANCE, MAX_DRIFT, free_po
 from star_core.messages.arrays import Array, Mask, Rows, some
 from star_core.messages.commands import Command, Order
 from star_core.messages.position_margin import MAX_MARGIN_RATIO, position_margin
-from star_core.messages.state import AgentPhase, Estimate, Goals, among
+from star_core.messages.state import AgentPhase, Estimate, among
 from star_core.messages.telemetry import Supervisor, Telemetry
 from star_core.observers import Observers
 from star_core.safety.agents_in_the_way import MAX_REPORT_AGE
@@ -75,9 +75,6 @@ class LandingManager:
     lands from its position.
 
     Args:
-        scene: The agents and the world.
-        vehicles: Sends the commands.
-        observers: Receive an event for each agent that lands aside.
         refuses: Returns which positions, (K, 3) m, the planner would not fly to: (K,).
     """
 
@@ -208,12 +205,11 @@ class LandingManager:
         self._ends_at[rows] = self._vehicles.time + duration
         self._hovers_since[rows] = np.inf
 
-    def step(self, estimate: Estimate, goals: Goals) -> Goals:
-        """Command the landings that are possible; return the goals, with those of the others."""
+    def step(self, estimate: Estimate, goals: GoalDraft) -> None:
+        """Command the landings that are possible; set the goals of the others."""
         if not self._waiting:
             self._vehicles.descend(())
-            return goals
-        draft = GoalDraft(goals)
+            return
         phases = self._vehicles.phases.of_agents()
         drifts, descending = self._vehicles.drifts(), []
         steered = (phases == AgentPhase.FLYING) & estimate.valid
@@ -237,16 +233,15 @@ class LandingManager:
             if landing.position is None and slow:
                 self._choose_position(row, landing, estimate)
             if landing.position is None:  # brake
-                draft.set(row, position, float(estimate.yaw[row]), self._scene.limits.speed)
+                goals.set(row, position, float(estimate.yaw[row]), self._scene.limits.speed)
             elif slow and math.dist(landing.position, position[:2]) <= ARRIVAL_TOLERANCE:
                 ready.append(row)
             else:
                 goal = np.array([*landing.position, landing.height])
-                draft.set(row, goal, float(estimate.yaw[row]), self._scene.limits.speed)
+                goals.set(row, goal, float(estimate.yaw[row]), self._scene.limits.speed)
         self._vehicles.descend(descending)
         durations = np.array([self._waiting[row].duration for row in ready])
         self.land_now(np.array(ready, np.int64), estimate, durations)
-        return draft.finish()
 
     def _add(self, row: int, duration: float) -> None:
         self._waiting.setdefault(row, _Landing(duration, self._vehicles.time + SETTLING_TIME))

@@ -12,7 +12,7 @@ import numpy as np
 from star_core.errors import InputError, StarError, suggestion
 from star_core.execution.assignments import Assignments
 from star_core.execution.executor import StartedStep, StepExecutor
-from star_core.execution.instructions import Draft, Instructions
+from star_core.execution.instructions import Instructions
 from star_core.messages.arrays import Array, Rows, require_type, some
 from star_core.messages.commands import Command
 from star_core.messages.state import AgentPhase, Goals, Plan, Setpoint
@@ -28,12 +28,6 @@ class Program:
     """Steps, goals, setpoints and commands that a program gives, and each agent's latest counts.
 
     An agent leaves the step that it is in when the program gives it something else.
-
-    Args:
-        mission: Its scene, and its reactions, which take agents over from the program.
-        registry: Where verbs are found.
-        executor: Runs the steps.
-        assignments: The agents of the mission.
     """
 
     def __init__(
@@ -62,10 +56,6 @@ class Program:
         phase: Rows,
     ) -> StartedStep:
         """Start a step in the next tick; its agents leave the steps that they are in.
-
-        Args:
-            action: Of `action`.
-            phase: (N,) of each agent.
 
         Raises:
             StarError: An agent has left the mission, or is in the air or on the ground where the
@@ -100,14 +90,6 @@ class Program:
         location: str,
     ) -> Action:
         """Return a step of a verb, checked.
-
-        Args:
-            verb: Name of its task.
-            agents: Names of agents or groups; None for all agents.
-            options: Of the verb, as in a mission.
-            timeout: Of the step, s; None if the task derives it.
-            on_failure: What happens when it fails.
-            location: In the program, ``file:line:column``.
 
         Raises:
             InputError: A name or an option is wrong.
@@ -147,11 +129,7 @@ class Program:
         return tuple(sorted({row for name in names for row in groups[name]}))
 
     def set_goals(self, goals: Goals) -> None:
-        """Set goals of the active rows, as a task would: they persist, at rest after one tick.
-
-        Raises:
-            ContractError: A goal is no number, or there is not one row per agent.
-        """
+        """Set goals of the active rows, as a task would: they persist, at rest after one tick."""
         self._goals = checked_goals(goals, len(self._direct))
         self._take_over(np.flatnonzero(goals.active))
 
@@ -159,35 +137,28 @@ class Program:
         """Set what the active rows fly in the next tick, instead of what the planner returns.
 
         Avoider and safety filter still change it. After that tick an agent holds its position.
-
-        Raises:
-            ContractError: A value is no number, or there is not one row per agent.
         """
         self._setpoint = checked_setpoint(setpoint, len(self._direct))
         self._take_over(np.flatnonzero(setpoint.active))
 
     def send(self, command: Command) -> None:
-        """Send a command to on-board commanders in the next tick.
-
-        Raises:
-            ContractError: It is no command.
-        """
+        """Send a command to on-board commanders in the next tick."""
         self._commands.append(require_type(command, Command))
         self._take_over(command.agent)
 
-    def step(self, instructions: Instructions) -> Instructions:
-        """Return the instructions of a tick with what the program has set for its agents."""
+    def step(self, instructions: Instructions) -> None:
+        """Add what the program has set for its agents to the instructions of a tick."""
         if not self._pending:
-            return instructions
-        draft = Draft(instructions)
+            return
         present = ~self._assignments.unassigned
-        draft.goals.take(self._goals, np.flatnonzero(self._goals.active & present))
-        draft.goals.active[self._setpoint.active & present] = False  # they hold where they are
-        draft.commands += self._commands
-        draft.free |= self._free
+        instructions.goals.take(self._goals, np.flatnonzero(self._goals.active & present))
+        instructions.goals.active[self._setpoint.active & present] = (
+            False  # they hold where they are
+        )
+        instructions.commands += self._commands
+        instructions.free |= self._free
         self._goals = Goals.none(len(present))
         self._commands, self._free, self._pending = [], set(), False
-        return draft.finish()
 
     def steer(self, plan: Plan) -> Plan:
         """Return a plan with the setpoints that the program has set for this tick."""

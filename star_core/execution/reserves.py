@@ -9,7 +9,7 @@ import numpy as np
 
 from star_core.errors import shortlist
 from star_core.execution.assignments import Assignments
-from star_core.execution.instructions import Draft, Instructions
+from star_core.execution.instructions import Instructions
 from star_core.execution.step_run import TickContext
 from star_core.messages.arrays import Array, Mask
 from star_core.messages.commands import Command, Order
@@ -38,8 +38,6 @@ class ReserveManager:
     meanwhile, or is landing, the reserve returns instead.
 
     Args:
-        scene: Agents, pads (where agents start) and limits.
-        assignments: The agents of the mission.
         rules: Their actions so far; reset for an agent that is ready again.
         reserve: The mission's ``reserve`` with its defaults.
         report: Reports what is done: text, and the agent if it concerns one.
@@ -65,19 +63,14 @@ class ReserveManager:
         self._unfit: set[int] = set()  # agents that did not climb when launched
         self._returning: dict[int, float | None] = {}  # latest arrival at their pads, s, by row
 
-    def step(self, tick: TickContext, instructions: Instructions) -> Instructions:
-        """Return the instructions, with those of agents that are launched or return."""
-        draft = Draft(instructions)
-        self._step(tick, draft)
-        return draft.finish()
-
-    def _step(self, tick: TickContext, draft: Draft) -> None:
+    def step(self, tick: TickContext, instructions: Instructions) -> None:
+        """Add the instructions of agents that are launched or return."""
         time, health = tick.time, tick.health
         low = health.phase == AgentPhase.FLYING
         low &= health.battery < self._options["relieve_below"]
         self._low_since = np.where(low, np.fmin(self._low_since, time), np.nan)
-        self._finish_climbs(time, health, draft)
-        self._return(tick, draft)
+        self._finish_climbs(time, health, instructions)
+        self._return(tick, instructions)
         slots = self._slots_to_fill(time)
         if not slots:
             self._report_at = None
@@ -87,7 +80,7 @@ class ReserveManager:
                 self._report_wait(slot, time, health)
                 return
             self._report_at = None
-            self._launch(row, slot, tick, draft)
+            self._launch(row, slot, tick, instructions)
 
     def _report_wait(self, slot: int, time: float, health: Health) -> None:
         """Report once, after a while, why no reserve is ready."""
@@ -140,22 +133,22 @@ class ReserveManager:
         away = np.hypot(*(position[others, :2] - position[row, :2]).T)
         return bool((away > PAD_CLEARANCE).all())
 
-    def _launch(self, row: int, slot: int, tick: TickContext, draft: Draft) -> None:
+    def _launch(self, row: int, slot: int, tick: TickContext, instructions: Instructions) -> None:
         name = self._scene.agents[row].name
         top = tick.estimate.position[[row]].copy()
         climb = self._options["height"] - float(top[0, 2])
         top[0, 2] = self._options["height"]
         duration = np.array([max(1.0, climb / CLIMB_SPEED)])
         yaw = tick.estimate.yaw[[row]]
-        draft.commands.append(Command(Order.TAKEOFF, np.array([row]), top, yaw, duration))
-        draft.goals.set(row, top[0], yaw[0], self._scene.limits.speed)
+        instructions.commands.append(Command(Order.TAKEOFF, np.array([row]), top, yaw, duration))
+        instructions.goals.set(row, top[0], yaw[0], self._scene.limits.speed)
         self._climbing[row] = slot, tick.time + timeout(float(duration[0]))
         self._returning.pop(row, None)
         replaced = self._assignments.holders([slot])
         aim = f"relieve {self._scene.named(replaced.values())}" if replaced else "fill a slot"
         self._report(f"{name} takes off to {aim}", name)
 
-    def _finish_climbs(self, time: float, health: Health, draft: Draft) -> None:
+    def _finish_climbs(self, time: float, health: Health, instructions: Instructions) -> None:
         """Assign agents that have climbed to their slots, and give up those that cannot climb."""
         for row, (slot, until) in list(self._climbing.items()):
             name = self._scene.agents[row].name
@@ -173,16 +166,16 @@ class ReserveManager:
                     if relieved is not None:
                         self._returning[relieved] = None
             elif health.phase[row] in UNFIT or self._rules.action[row]:
-                draft.leave.add(row)
+                instructions.leave.add(row)
             elif time >= until:
                 self._unfit.add(row)
-                draft.leave.add(row)
+                instructions.leave.add(row)
                 self._report(f"{name} does not climb and is no reserve any more", name)
             else:
                 continue
             del self._climbing[row]
 
-    def _return(self, tick: TickContext, draft: Draft) -> None:
+    def _return(self, tick: TickContext, instructions: Instructions) -> None:
         """Lead relieved agents to their pads, and land them there."""
         estimate, speed = tick.estimate, self._scene.limits.speed
         for row, until in list(self._returning.items()):
@@ -195,11 +188,11 @@ class ReserveManager:
             late = until is not None and tick.time >= until
             if until is None:
                 self._returning[row] = tick.time + timeout(way / speed)
-            draft.goals.set(row, goal, estimate.yaw[row], speed)
+            instructions.goals.set(row, goal, estimate.yaw[row], speed)
             settled = way < PAD_RADIUS and np.linalg.norm(estimate.velocity[row]) < MAX_REST_SPEED
             if late:
                 name = self._scene.agents[row].name
                 self._report(f"{name} does not reach its pad and lands at its position", name)
             if settled or late:
                 del self._returning[row]
-                draft.leave.add(row)
+                instructions.leave.add(row)

@@ -20,7 +20,7 @@ from star_core.contracts import (
 )
 from star_core.errors import ContractError, shortlist
 from star_core.execution.assignments import Assignments, Team
-from star_core.execution.instructions import Draft, GoalCheck
+from star_core.execution.instructions import GoalCheck, Instructions
 from star_core.messages.commands import Trajectory
 from star_core.messages.state import AgentPhase, Estimate, Goals, Health
 from star_core.mission import Action, Mission, actions
@@ -165,13 +165,13 @@ class StepRun:
         action: Action,
         team: Team,
         tick: TickContext,
-        draft: Draft,
+        instructions: Instructions,
         shared: Execution,
         rounds: Rounds,
     ) -> Self:
         """Begin a step for a team."""
         task, guard = shared.tasks.take(action, team.rows)
-        limit = _begin_task(action, task, guard, tick, draft)
+        limit = _begin_task(action, task, guard, tick, instructions)
         entry = {
             **shared.details(action, team.rows, rounds),
             "begun_s": tick.time,
@@ -181,18 +181,18 @@ class StepRun:
         version = shared.assignments.version
         return cls(action, rounds, team, version, task, guard, limit, tick.time, entry, shared)
 
-    def step(self, tick: TickContext, draft: Draft) -> tuple[Status, str]:
+    def step(self, tick: TickContext, instructions: Instructions) -> tuple[Status, str]:
         """Run one tick of the step; return its status, and the reason of its failure."""
         if self.version != self.shared.assignments.version:
-            self._update_team(tick, draft)
+            self._update_team(tick, instructions)
         if not self.team.rows:
             return Status.FAILURE, "no agent is left for it"
-        draft.doing.append(f"{self.action.verb} {self.team.label}")
+        instructions.doing.append(f"{self.action.verb} {self.team.label}")
         if reason := self._disabled(tick):
             return Status.FAILURE, reason
         output = self.guard.attempt(
             self.shared.strikes,
-            lambda: draft.add(
+            lambda: instructions.add(
                 self.task.step(tick.estimate, tick.health),
                 self.team.members,
                 self.shared.tasks.trajectories,
@@ -208,7 +208,10 @@ class StepRun:
         if output.status is Status.FAILURE:
             return Status.FAILURE, output.reason or "failed and gave no reason"
         if tick.time - self.begun >= self.timeout:
-            return Status.FAILURE, f"timed out after {self.timeout:.3g} s{self._late(tick, draft)}"
+            return (
+                Status.FAILURE,
+                f"timed out after {self.timeout:.3g} s{self._late(tick, instructions)}",
+            )
         return Status.RUNNING, ""
 
     def _disabled(self, tick: TickContext) -> str:
@@ -227,9 +230,9 @@ class StepRun:
                 reasons += [f"{names[row]} {text}{by_row[row]}" for row in rows]
         return self._listed(reasons)
 
-    def _late(self, tick: TickContext, draft: Draft) -> str:
+    def _late(self, tick: TickContext, instructions: Instructions) -> str:
         """Return why agents have not finished, as far as the core can see."""
-        reasons, goals = [], draft.goals
+        reasons, goals = [], instructions.goals
         for row in self.team.rows:
             name = self.shared.scene.agents[row].name
             phase = AgentPhase(tick.health.phase[row])
@@ -248,7 +251,7 @@ class StepRun:
             self.entry["causes"] = list(causes)
         return shortlist(causes)
 
-    def _update_team(self, tick: TickContext, draft: Draft) -> None:
+    def _update_team(self, tick: TickContext, instructions: Instructions) -> None:
         """Continue with the agents that are assigned to the step's slots now.
 
         A task without a method for the change is made again. An agent that fills an empty slot
@@ -260,7 +263,7 @@ class StepRun:
         before, now = self.team.holders, assignments.holders(self.action.rows, program)
         if now == before:
             return
-        draft.free |= set(before.values()) - set(now.values())
+        instructions.free |= set(before.values()) - set(now.values())
         kept = {slot: now[slot] for slot in before if slot in now}
         swaps = [(before[slot], row) for slot, row in kept.items() if before[slot] != row]
         self.team = Team.of(kept, self.shared.scene)
@@ -270,9 +273,9 @@ class StepRun:
         if (swaps and not isinstance(task, ReplacesAgents)) or (
             fewer and not isinstance(task, RemovesAgents)
         ):
-            draft.free.update(self.team.rows)
+            instructions.free.update(self.team.rows)
             self.task, _ = self.shared.tasks.take(self.action, self.team.rows)
-            limit = _begin_task(self.action, self.task, self.guard, tick, draft)
+            limit = _begin_task(self.action, self.task, self.guard, tick, instructions)
             if self.action.timeout is None:
                 self.timeout = tick.time - self.begun + limit
             return
@@ -293,12 +296,12 @@ class StepRun:
 
 
 def _begin_task(
-    action: Action, task: Task, guard: PluginGuard, tick: TickContext, draft: Draft
+    action: Action, task: Task, guard: PluginGuard, tick: TickContext, instructions: Instructions
 ) -> float:
     """Begin a task; return the timeout of its step, s."""
     with guard:
         if isinstance(task, ContinuesFrom):
-            task.continue_from(draft.goals.goals())
+            task.continue_from(instructions.goals.goals())
         limit = checked_timeout(task.begin(tick.estimate, tick.health))
     wait = None if action.until is None else action.until.longest_wait
     return step_timeout(limit, wait, action.timeout)
@@ -306,11 +309,6 @@ def _begin_task(
 
 class TaskPool:
     """Makes the task of every step at the start, and further ones as they are needed.
-
-    Args:
-        mission: Its steps.
-        registry: Where verbs are found.
-        compute_time: Measures each task.
 
     Attributes:
         trajectories: Those that the tasks may order to be flown on board, each once.

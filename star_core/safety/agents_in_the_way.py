@@ -33,10 +33,6 @@ class GroundedAgents:
     not disturb them: they are marked so far below the ground that agents above
     keep `Limits.separation` rather than `Limits.vertical_separation`. Agents that may take off
     keep their heights.
-
-    Args:
-        n: Number of agents.
-        limits: The separations.
     """
 
     after = Stage.PLANNED
@@ -94,10 +90,6 @@ class UnheardAgents:
     An agent that is heard but no longer located in flight brakes, by `BRAKING_TIME` at its last
     velocity. It stays at all of these positions, also on the ground, until it is located. If it
     lands, it passes all heights below: others leave its way.
-
-    Args:
-        n: Number of agents.
-        limits: The separations.
     """
 
     after = Stage.LOCATED

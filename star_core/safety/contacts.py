@@ -50,9 +50,6 @@ class Contacts:
     flattened distances, whose heights are multiplied by the ratio of its semi-axes, are below
     ``limits.separation``. All other distances are plain ones.
 
-    Args:
-        scene: Agents, obstacles and separations.
-
     Attributes:
         agent_agent: Number of collisions between two agents.
         agent_obstacle: Number of collisions of an agent with an obstacle.

@@ -46,12 +46,7 @@ MIN_PLAUSIBLE_SPEED: Final = 3.0  # m/s, whatever the limit: on-board trajectori
 
 
 class EstimateMonitor:
-    """Rejects estimates that contradict what agents report, so that these agents brake.
-
-    Args:
-        scene: Agents and limits.
-        localizer: Names the localizer in reports.
-    """
+    """Rejects estimates that contradict what agents report, so that these agents brake."""
 
     after = Stage.LOCATED
 

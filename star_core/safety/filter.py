@@ -50,9 +50,6 @@ class SafetyFilter:
     into it once others hold the agent back. Setpoints are corrected by as little as possible; if
     the corrections for several neighbors do not converge, agents stop.
 
-    Args:
-        scene: Fence, limits and tick.
-
     Attributes:
         reach: Distance beyond which agents need not brake for each other, m.
     """

@@ -49,9 +49,6 @@ class GroundEvidence:
     which is a danger until they are stopped, and that it heard the command is not known if the link
     was lost at the beginning.
 
-    Args:
-        n: Number of agents.
-
     Attributes:
         steered_seen: (N,) whether a report showed that setpoints flew each agent, since it was last
             commanded to fly on board.

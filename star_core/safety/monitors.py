@@ -155,11 +155,7 @@ class Monitor(Protocol):
 
 
 class PendingStrikes:
-    """Brakes all agents in a tick in which a plugin has failed and the failure is tolerated.
-
-    Args:
-        strikes: Counts the failures.
-    """
+    """Brakes all agents in a tick in which a plugin has failed and the failure is tolerated."""
 
     after = Stage.AVOIDED
 
@@ -177,9 +173,6 @@ class PluginMonitor:
     One that fails is named and dropped for the rest of the flight, which goes on without it.
 
     Args:
-        plugin: Announces the monitor.
-        scene: What it is made with.
-        compute_time: Measures it.
         report: Receives the text of an event.
     """
 

@@ -22,7 +22,6 @@ class Rules:
     """Applies the rules to every agent. An action is never undone; a more severe one replaces it.
 
     Args:
-        scene: Agents and fence.
         rules: The mission's ``safety`` with defaults: by rule its numbers and its action.
 
     Attributes:

@@ -32,6 +32,9 @@ class MissionSteps:
         registry: Of their verbs.
         make: Makes the task of each step; that of a flight by default.
 
+    Attributes:
+        goals: Of the last tick.
+
     Raises:
         PluginError: A task cannot be made.
     """
@@ -47,7 +50,7 @@ class MissionSteps:
         observers = self._observers = Observers({}, compute_time)
         tasks = _Tasks(mission, registry, compute_time, make)
         self._executor = StepExecutor(mission, tasks, assignments, observers, Strikes(limit=1))
-        self._goals = Goals.none(len(mission.scene.agents))  # of the last tick
+        self.goals = Goals.none(len(mission.scene.agents))
         self._targets = Targets(mission.scene)
         self._rules, self._assignments = Rules(mission.scene, mission.safety), assignments
         self._reserves = (
@@ -74,13 +77,12 @@ class MissionSteps:
             violator.row for violator in self._rules.violators(estimate.time, estimate, health)
         ]
         self._assignments.vacate(excluded)
-        tick = TickContext(estimate.time, estimate, health, {}, {}, {}, self._goals)
+        tick = TickContext(estimate.time, estimate, health, {}, {}, {}, self.goals)
         status, instructions = self._executor.step(tick)
         if self._reserves is not None:
-            instructions = self._reserves.step(tick, instructions)
-        self._goals = instructions.goals
-        if excluded:
-            instructions = instructions._replace(leave=instructions.leave | {*excluded})
+            self._reserves.step(tick, instructions)
+        self.goals = instructions.goals.finish()
+        instructions.leave |= {*excluded}
         return status, instructions
 
     def close(self) -> list[str]:

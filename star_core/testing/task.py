@@ -10,7 +10,7 @@ import numpy as np
 
 from star_core.contracts import Status, Task
 from star_core.errors import ContractError
-from star_core.execution.instructions import Draft, Instructions
+from star_core.execution.instructions import GoalDraft, Instructions
 from star_core.messages.arrays import Mask
 from star_core.messages.state import AgentPhase, Estimate, Goals, Setpoint
 from star_core.plugin_support.guard import require_methods
@@ -68,7 +68,7 @@ def check_task(
         starts = np.array([agent.start for agent in room.agents])
         starts[:, 2] = 0.0 if phase is AgentPhase.GROUNDED else HEIGHT
         swarm = PointMasses(starts, phase=phase)
-        draft = Draft(Instructions(Goals.none(n)))
+        instructions = Instructions(GoalDraft(Goals.none(n)))
         trajectories = getattr(tasks[0], "trajectories", ())
         took, status = [0.0], Status.RUNNING
         for tick in range(int(TASK_TIME / room.period)):
@@ -83,12 +83,12 @@ def check_task(
                 output, elapsed = called_alike(tasks, "step", inputs)
                 took.append(elapsed)
                 members = np.isin(np.arange(n), rows)
-                status = draft.add(output, members, trajectories).status
+                status = instructions.add(output, members, trajectories).status
                 if status is Status.FAILURE and not output.reason:
                     raise ContractError("failed without TaskOutput.reason, which users are shown")
                 for command in output.commands:
                     swarm.command(command)
-                target = draft.goals.goals()
+                target = instructions.goals.goals()
                 velocity = straight_velocity(swarm.position, target, room.period)
                 swarm.send(Setpoint(velocity, target.yaw, target.active & swarm.steered()))
                 swarm.wait(swarm.time + room.period)

@@ -172,7 +172,7 @@ def _run(
         for task in tasks.made:
             if task.running and (task.ended < swarm.time or status is Status.SUCCESS):
                 task.end_by_condition()
-        goals = instructions.goals
+        goals = runner.goals
         tracks.add(swarm, goals)
         if status is not Status.RUNNING:
             break

@@ -17,9 +17,6 @@ class FlowMonitor:
     """Brakes agents whose flow sensors are stuck, or measure less motion than there is.
 
     Agents without Flow decks are not judged.
-
-    Args:
-        scene: The agents.
     """
 
     after = Stage.LOCATED

@@ -66,9 +66,6 @@ class MotionCheck:
     are wrong: ``dw/dt = -c - a - DRAG w`` and ``da/dt = TILT_RATE (c + DRAG w)``, for the
     correction ``c``, the error ``w`` of the velocity, and the acceleration ``a`` by the error of
     the tilt, which the estimator corrects too.
-
-    Args:
-        n: Number of agents.
     """
 
     def __init__(self, n: int) -> None:

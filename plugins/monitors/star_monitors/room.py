@@ -97,9 +97,6 @@ class Room:
     are near them. These needs have no limit, as
     the margins have with which agents fly around each other: where these are below their limit,
     they keep enough room.
-
-    Args:
-        scene: World and limits.
     """
 
     def __init__(self, scene: Scene) -> None:

@@ -57,9 +57,6 @@ class UncertainAgents:
     or else the later one; the other waits meanwhile. One that never had a correction lands, after
     `PARTING_TIME` without room in all: two that pass each other lack it for a moment.
 
-    Args:
-        scene: World, limits and names.
-
     Attributes:
         reports: Of this tick.
     """

@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from star_core import AgentPhase, Command, Goals, Limits, Obstacle, Supervisor
+from star_core import AgentPhase, Command, Estimate, Goals, Limits, Obstacle, Supervisor
 from star_core.commands.main import main
+from star_core.execution.instructions import GoalDraft
 from star_core.execution.landing import LandingManager
 from star_core.messages.state import among
 from star_core.testing import estimate, scene
@@ -190,6 +191,9 @@ class Landings:
             lambda places: np.zeros(len(places), bool),
         )
 
+    def step(self, now: Estimate) -> None:
+        self.manager.step(now, GoalDraft(Goals.none(len(now.valid))))
+
     def _sent(self, command: Command) -> None:
         self.commands.append(command)
         self.landed.append(command.agent.tolist())
@@ -215,7 +219,7 @@ def test_unlocated_landing_agents_keep_position_below_others() -> None:
     landings = Landings([AgentPhase.FLYING] * 2)
     stacked = estimate(np.array([[0.0, 0.0, 1.5], [0.0, 0.0, 0.5]]))
     landings.manager.land([0, 1])
-    landings.manager.step(replace(stacked, valid=np.array([True, False])), Goals.none(2))
+    landings.step(replace(stacked, valid=np.array([True, False])))
     assert landings.landed == [[1]]
     assert landings.reported == ["cf1 lands 0.60 m aside: its position is not free"]
 
@@ -230,7 +234,7 @@ def test_drifting_agents_are_led_down_by_setpoints(limit: float) -> None:
     for k in range(120):
         landings.vehicles.time = time = 0.05 * k
         landings.drifts[0] = time < limit
-        landings.manager.step(lost, Goals.none(1))
+        landings.step(lost)
         if landings.landed:
             break
     assert landings.landed == [[0]]
@@ -245,7 +249,7 @@ def test_no_agent_lands_below_one_that_may_descend(depth: float) -> None:
     level = estimate(np.array([[0.1, 0.0, 1.0], [0.0, 0.0, 1.0]]))
     travel = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, -depth]])
     landings.manager.land([0])
-    landings.manager.step(replace(level, possible_travel=travel), Goals.none(2))
+    landings.step(replace(level, possible_travel=travel))
     assert bool(landings.reported) == (depth > 0)
 
 
@@ -266,7 +270,7 @@ def test_landing_clearance_grows_with_position_uncertainty(
     seen = estimate(np.array([[0.0, 0.0, 1.0], [0.3, 0.0, 0.0]]))
     covariance = np.array([np.eye(3) * std**2 for std in stds])
     landings.manager.land([0])
-    landings.manager.step(replace(seen, covariance=covariance), Goals.none(2))
+    landings.step(replace(seen, covariance=covariance))
     assert landings.reported == aside
 
 
@@ -361,7 +365,7 @@ def test_an_uncertain_agent_lands_farther_from_obstacles(
     landings = Landings([AgentPhase.FLYING], Limits(uncertainty_margin=margin), pillar)
     seen = estimate(np.array([[0.0, 0.0, 1.0]]))
     landings.manager.land([0])
-    landings.manager.step(replace(seen, covariance=std**2 * np.eye(3)[None]), Goals.none(1))
+    landings.step(replace(seen, covariance=std**2 * np.eye(3)[None]))
     assert landings.reported == aside
 
 
@@ -370,5 +374,5 @@ def test_an_uncertain_agent_lands_inside_the_fence() -> None:
     low, high = scene(1).world.fence.low, scene(1).world.fence.high
     seen = estimate(np.array([[high[0] - 0.1, (low[1] + high[1]) / 2, 1.0]]))
     landings.manager.land([0])
-    landings.manager.step(replace(seen, covariance=0.1**2 * np.eye(3)[None]), Goals.none(1))
+    landings.step(replace(seen, covariance=0.1**2 * np.eye(3)[None]))
     assert landings.reported == ["cf1 lands 0.25 m aside: its position is not free"]
