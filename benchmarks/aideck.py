@@ -9,13 +9,12 @@ from __future__ import annotations
 
 import contextlib
 import io
-import json
 import statistics
 import struct
-import sys
 import time
 
 import numpy as np
+from printed import command_line, show
 
 from star_core import Image
 from star_fleet.aideck import AideckServer
@@ -131,6 +130,7 @@ def until(holds: object) -> None:
 
 def main() -> None:
     """Measure and print."""
+    given = command_line(__doc__).parse_args()
     rng = np.random.default_rng(0)
     images = [rng.integers(0, 256, SHAPE, np.uint8) for _ in range(IMAGES)]
     pairs = [(ours(images), theirs(images)) for _ in range(ROUNDS)]
@@ -142,11 +142,7 @@ def main() -> None:
     for name, decks, rate, jpeg in STREAMS:
         lost, delay, load = stream(decks, rate, jpeg=jpeg)
         figures |= {f"{name}_lost": lost, f"{name}_delay_ms": delay, f"{name}_load": load}
-    if "--json" in sys.argv:
-        print(json.dumps(figures))
-        return
-    for name, value in figures.items():
-        print(f"{name:28} {value:10.4g}")
+    show(figures, as_json=given.json)
 
 
 if __name__ == "__main__":

@@ -10,16 +10,15 @@ picture has two tags 1.2 m away; the drone flies at 0.3 m/s and turns at 30 °/s
 from __future__ import annotations
 
 import dataclasses
-import json
 import math
 import statistics
-import sys
 import time
 from collections.abc import Callable
 from typing import Any
 
 import cv2
 import numpy as np
+from printed import command_line, show
 
 from star_core import Array, Camera, Fence, Image, Tag, World
 from star_sim.camera_sim.camera_pose import Shot, mounting, optics, poses, rays
@@ -203,13 +202,9 @@ def recall(count: int) -> dict[str, float]:
 
 
 def main() -> None:
+    given = command_line(__doc__).parse_args()
     cv2.setNumThreads(1)
-    figures = speed() | likeness() | recall(LOOKS)
-    if "--json" in sys.argv:
-        print(json.dumps(figures))
-    else:
-        for name, value in figures.items():
-            print(f"{name:32} {value:10.4g}")
+    show(speed() | likeness() | recall(LOOKS), as_json=given.json)
 
 
 if __name__ == "__main__":

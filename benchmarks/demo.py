@@ -6,11 +6,11 @@ time; reading the mission and starting Python are not in it, recording is not do
 
 from __future__ import annotations
 
-import argparse
-import json
 import statistics
 import sys
 from pathlib import Path
+
+from printed import command_line, show
 
 from star_core import Registry, fly, load
 
@@ -35,17 +35,10 @@ def factors(flights: int) -> list[float]:
 
 def main() -> None:
     """Print the figures."""
-    options = argparse.ArgumentParser(description=__doc__)
-    options.add_argument("--json", action="store_true", help="print one JSON object, only")
-    options.add_argument("--flights", type=int, default=25)
-    given = options.parse_args()
+    given = command_line(__doc__, flights=25).parse_args()
     found = factors(given.flights)
     figures = {"first": found[0], "median": statistics.median(found), "best": max(found)}
-    if given.json:
-        print(json.dumps(figures))
-        return
-    for name, factor in figures.items():
-        print(f"{name:8}{factor:8.1f} times real time")
+    show(figures, as_json=given.json)
 
 
 if __name__ == "__main__":

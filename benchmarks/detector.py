@@ -11,8 +11,6 @@ images. A corner's error is its distance from where the simulator's camera, row 
 
 from __future__ import annotations
 
-import argparse
-import json
 import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -21,6 +19,7 @@ from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
+from printed import command_line, show
 from small_tags import photographs, scenes
 
 from star_apriltag.vision.body_pose import Motion, Prediction
@@ -77,21 +76,14 @@ class Score:
 
 def main() -> None:
     """Print a table, or with ``--json`` one object."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--images", type=int, default=200, help="how many to look at")
-    parser.add_argument("--json", action="store_true", help="print one JSON object, nothing else")
-    parser.add_argument("--scenes", type=int, default=6, help="how many of small tags, each way")
+    parser = command_line(__doc__, images=200, scenes=6)
     parser.add_argument("photos", nargs="?", type=Path, help="a folder of photographs")
     given = parser.parse_args()
     cv2.setNumThreads(1)
     figures = compare(list(cases(given.images))) | scenes(given.scenes)
     if given.photos is not None:
         figures |= photographs(given.photos)
-    if given.json:
-        print(json.dumps(figures))
-        return
-    for name, value in figures.items():
-        print(f"{name:40} {value:8.3f}")
+    show(figures, as_json=given.json)
 
 
 def compare(images: Sequence[Case]) -> dict[str, float]:

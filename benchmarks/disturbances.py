@@ -8,14 +8,13 @@ vibration.
 
 from __future__ import annotations
 
-import argparse
-import json
 import math
 from dataclasses import replace
 from typing import Any
 
 import cv2
 import numpy as np
+from printed import command_line, show
 
 from star_apriltag.vision.detector import Detector
 from star_core import Camera, Fence, Tag, World
@@ -46,19 +45,12 @@ CASES: dict[str, dict[str, Any]] = {
 
 def main() -> None:
     """Print a table, or with ``--json`` one object."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--images", type=int, default=60, help="how many of each kind")
-    parser.add_argument("--json", action="store_true", help="print one JSON object, nothing else")
-    given = parser.parse_args()
+    given = command_line(__doc__, images=60).parse_args()
     cv2.setNumThreads(1)
     figures: dict[str, float] = {}
     for name, options in CASES.items():
         figures |= {f"{name}_{what}": value for what, value in seen(options, given.images).items()}
-    if given.json:
-        print(json.dumps(figures))
-        return
-    for name, value in figures.items():
-        print(f"{name:40} {value:8.3f}")
+    show(figures, as_json=given.json)
 
 
 def seen(options: dict[str, Any], count: int) -> dict[str, float]:

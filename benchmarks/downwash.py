@@ -10,7 +10,6 @@ are of the height of the lower agents, below its mean in the second before they 
 
 from __future__ import annotations
 
-import argparse
 import json
 import tempfile
 from collections.abc import Mapping, Sequence
@@ -19,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from printed import command_line
 
 from star_core import Array, Registry, Tick, fly, hookimpl, load
 from star_core.discovery import Source
@@ -108,11 +108,7 @@ def figures(flights: Sequence[Mapping[str, float]]) -> dict[str, float]:
 
 def main() -> None:
     """Print a table, or with ``--json`` one object."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--json", action="store_true", help="print one JSON object, nothing else")
-    parser.add_argument("--seeds", type=int, default=10, help="how many; default %(default)s")
-    parser.add_argument("--first", type=int, default=0, help="first seed; default %(default)s")
-    arguments = parser.parse_args()
+    arguments = command_line(__doc__, seeds=10, first=0).parse_args()
     found = {}
     with tempfile.TemporaryDirectory() as folder:
         (Path(folder) / "hall.yaml").write_text(WORLD)

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 from imu_errors import GRAVITY, MARGIN, MIN_HEIGHT, filtered
-from recorded_flights import FOLDER, read
+from recorded_flights import FOLDER, read, recorded
 from scipy.spatial.transform import Rotation
 
 from star_monitors.drag_check import DRAG, DragCheck
@@ -28,13 +28,9 @@ WINDOW = 100  # samples over which drag is averaged
 
 def main() -> None:
     folder = Path(sys.argv[1]) if len(sys.argv) > 1 else FOLDER
-    files = sorted(folder.glob("*.npz"))
-    if not files:
-        print(f"no flights (*.npz) in {folder}", file=sys.stderr)
-        sys.exit(2)
     print("| flight | m/s | drag x, y 1/s | error m/s² | evidence | x 0.7 found after s |")
     print("|---|---|---|---|---|---|")
-    for path in files:
+    for path in recorded(folder):
         flight = read(path)
         drag, error = measured(flight.data)
         evidence, _ = checked(flight.data, math.inf)

@@ -10,19 +10,19 @@ no peer: real time is what it is measured against.
 
 from __future__ import annotations
 
-import json
 import math
 import multiprocessing
 import selectors
 import socket
 import statistics
 import struct
-import sys
 import time
 from multiprocessing.connection import Connection
 from typing import Any
 
-from star_core import Agent, Fence, Scene, World
+from printed import command_line, show
+from sim import grid
+
 from star_fleet.packet import Port, join
 from star_fleet.server import Fleet
 from star_fleet.variables import VARIABLES
@@ -42,14 +42,6 @@ BLOCKS = (
     ("stateEstimate.vz", "stateEstimate.yaw", "gyro.z", "pm.vbat", "supervisor.info"),
 )
 NUMBER = {entry.name: i for i, entry in enumerate(VARIABLES)}
-
-
-def grid(n: int) -> Scene:
-    """A scene of `n` agents on a square grid, 1 m apart, in the open."""
-    side = math.ceil(math.sqrt(n))
-    agents = tuple(Agent(f"cf{i + 1}", (float(i % side), float(i // side), 0.0)) for i in range(n))
-    fence = Fence((-side, -side, 0.0), (2.0 * side, 2.0 * side, 3.0))
-    return Scene(agents, 0.05, World("open", fence))
 
 
 class Clients:
@@ -136,7 +128,7 @@ def run_clients(pipe: Connection, addresses: list[str], log_period: int) -> None
 def load(n: int, log_period: int) -> dict[str, float]:
     """Figures of `n` vehicles with two log blocks each at a period in 10 ms."""
     ours, theirs = multiprocessing.Pipe()
-    with Fleet(grid(n), port=0, **ideal_world(speed=1.0)) as fleet:
+    with Fleet(grid(n, 1.0), port=0, **ideal_world(speed=1.0)) as fleet:
         run = multiprocessing.get_context("spawn").Process(
             target=run_clients, args=(theirs, fleet.addresses, log_period)
         )
@@ -165,14 +157,11 @@ def load(n: int, log_period: int) -> dict[str, float]:
 
 
 def main() -> None:
+    given = command_line(__doc__).parse_args()
     figures: dict[str, Any] = {}
     for n, log_period in FLEETS:
         figures |= load(n, log_period)
-    if "--json" in sys.argv:
-        print(json.dumps(figures))
-    else:
-        for name, value in figures.items():
-            print(f"{name:40} {value:12.4g}")
+    show(figures, as_json=given.json)
 
 
 if __name__ == "__main__":

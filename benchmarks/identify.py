@@ -13,7 +13,7 @@ import argparse
 from pathlib import Path
 
 import numpy as np
-from recorded_flights import ESTIMATE_LATENCY, FOLDER, Flight, body_axes, read
+from recorded_flights import ESTIMATE_LATENCY, FOLDER, Flight, body_axes, read, recorded
 
 from star_core import Array
 from star_sim import airframe, battery, discharge, powertrain
@@ -34,7 +34,7 @@ def main() -> None:
     folder = options.parse_args().folder
     flights = [
         flight
-        for flight in map(read, sorted(folder.glob("*.npz")))
+        for flight in map(read, recorded(folder))
         if flight.name.startswith(USED) and flight.controller == "pid"
     ]
     if not flights:

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+from recorded_flights import FOLDER, recorded
 from scipy.signal import butter, filtfilt
 from scipy.spatial.transform import Rotation
 
@@ -24,17 +25,13 @@ SPAN = 1000  # samples, over which the heading error's change is measured
 
 
 def main() -> None:
-    folder = Path(sys.argv[1] if len(sys.argv) > 1 else "../shared/real/flights")
-    files = sorted(folder.glob("*.npz"))
-    if not files:
-        print(f"no flights (*.npz) in {folder}", file=sys.stderr)
-        sys.exit(2)
+    folder = Path(sys.argv[1]) if len(sys.argv) > 1 else FOLDER
     print(
         f"{'flight':18s} {'yaw drift':>9s} {'10 s':>6s} {'gyro z':>7s} {'bias x, y, z':>14s} slow"
     )
     print(f"{'':18s} {'°/s':>9s} {'°':>6s} {'°/s':>7s} {'mg':>14s} mg")
     rows = []
-    for path in files:
+    for path in recorded(folder):
         found = identify(np.load(path))
         rows.append(found)
         print(f"{path.stem:18s}", line(found))

@@ -8,11 +8,9 @@ STAR's graph of every pose, on the same flight in the same process.
 
 from __future__ import annotations
 
-import json
 import math
 import resource
 import statistics
-import sys
 import time
 from collections.abc import Callable
 from functools import wraps
@@ -20,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from printed import command_line, show
 
 from star_apriltag.agent_estimator import CameraReport, FilterEstimator, Settings
 from star_apriltag.batch import BatchEstimator
@@ -39,12 +38,10 @@ RADIUS, SPEED = 1.97, 0.28  # m and m/s: the paper's circle
 
 def main() -> None:
     """Print a table, or with ``--json`` one object."""
-    found = {**frames(), **growth(), **three_cameras()}
-    if "--json" in sys.argv[1:]:
-        print(json.dumps(found))
-        return
-    for name, value in found.items():
-        print(f"{name:36} {value:10.4g}")
+    given = command_line(__doc__).parse_args()
+    factor = flown("three_eyes.yaml")["realtime_factor"]
+    figures = frames() | growth() | {"three_cameras_realtime_factor": factor}
+    show(figures, as_json=given.json)
 
 
 def frames() -> dict[str, float]:
@@ -142,11 +139,6 @@ def odometry(times: Array, rng: np.random.Generator) -> Odometry:
         pitch=np.zeros(n),
         height=np.full(n, 0.8),
     )
-
-
-def three_cameras() -> dict[str, float]:
-    """How much faster than real time three cameras at 10 Hz are flown."""
-    return {"three_cameras_realtime_factor": flown("three_eyes.yaml")["realtime_factor"]}
 
 
 def flown(mission: str, *changes: str) -> dict[str, Any]:

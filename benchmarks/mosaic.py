@@ -7,13 +7,12 @@ gray sensor; ``star`` is `star_core.toolkit.gray_from_mosaic`.
 
 from __future__ import annotations
 
-import argparse
-import json
 import math
 from collections.abc import Callable
 
 import cv2
 import numpy as np
+from printed import command_line, show
 from small_tags import CONDITIONS, Sighting, ours, scene
 
 from star_core import Camera, Image
@@ -34,19 +33,12 @@ WAYS: dict[str, Callable[[Image], Image]] = {
 
 def main() -> None:
     """Print a table, or with ``--json`` one object."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--scenes", type=int, default=3, help="how many of each kind")
-    parser.add_argument("--json", action="store_true", help="print one JSON object, nothing else")
-    given = parser.parse_args()
+    given = command_line(__doc__, scenes=3).parse_args()
     figures: dict[str, float] = {}
     for name, colors in (("neutral", 0.0), ("colorful", 0.25)):
         for condition in ("small", "small_slanted"):
             figures |= compare(f"{name}_{condition}", condition, colors, given.scenes)
-    if given.json:
-        print(json.dumps(figures))
-        return
-    for name, value in figures.items():
-        print(f"{name:48} {value:8.3f}")
+    show(figures, as_json=given.json)
 
 
 def compare(name: str, condition: str, colors: float, count: int) -> dict[str, float]:

@@ -10,7 +10,6 @@ hundred agents by heart and is several times as quick as it is in any flight.
 
 from __future__ import annotations
 
-import argparse
 import json
 import math
 import sys
@@ -19,6 +18,7 @@ from time import perf_counter_ns
 from typing import Any, NamedTuple
 
 import numpy as np
+from printed import command_line
 
 from star_core import Array
 from star_orca.kernel import orca
@@ -61,8 +61,7 @@ class Figures(NamedTuple):
 
 def main() -> None:
     """Print a table, or with ``--json`` one object."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--json", action="store_true", help="print one JSON object, nothing else")
+    parser = command_line(__doc__)
     parser.add_argument(
         "--agents", type=int, nargs="+", default=[10, 100, 1000], help="10000 take minutes"
     )

@@ -12,15 +12,14 @@ knows nothing of. A portion is what the planner does in one tick at most.
 
 from __future__ import annotations
 
-import argparse
-import json
 import math
 from collections.abc import Callable, Iterator
 from time import perf_counter
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import shapely
+from printed import command_line, show
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
@@ -38,26 +37,6 @@ HALF = 9.0  # m, half the room
 ENTERS = 1e-8  # m, deeper than this a stretch enters an obstacle
 ROUNDS, BUILDS, QUERIES = 3, 5, 300  # in a round one naive build, then so many of ours
 GOALS = {"build_ms": 100.0, "query_ms": 2.0, "max_length_difference_m": 1e-6}
-
-
-class Figures(NamedTuple):
-    """What was measured."""
-
-    build_ratio: float
-    query_ratio: float
-    build_ms: float
-    naive_build_ms: float
-    query_ms: float
-    query_p99_ms: float
-    naive_query_ms: float
-    max_length_difference_m: float
-    corners: int
-    mixed_heights: int
-    mixed_build_ms: float
-    mixed_query_ms: float
-    mixed_query_p99_ms: float
-    mixed_portion_max_ms: float
-    mixed_without_way: int
 
 
 class Naive:
@@ -93,32 +72,20 @@ class Naive:
 
 def main() -> None:
     """Print a table, or with ``--json`` one object."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--json", action="store_true", help="print one JSON object, nothing else")
-    arguments = parser.parse_args()
-    found = figures()
-    if arguments.json:
-        print(json.dumps(found._asdict()))
-        return
-    for name, value in found._asdict().items():
-        goal = f"   (goal: at most {GOALS[name]:g})" if name in GOALS else ""
-        print(f"{name:26} {value:12.4g}{goal}")
+    given = command_line(__doc__).parse_args()
+    show(figures(), as_json=given.json, goals=GOALS)
 
 
-def figures() -> Figures:
-    """Build and ask both sides."""
+def figures() -> dict[str, float]:
+    """Build and ask both sides; return the figures by name."""
     scene = room(np.random.default_rng(0))
-    Routes(scene, clearance=CLEARANCE, vertical_clearance=CLEARANCE, margin=MARGIN)  # compiled
+    routes(scene)  # compiled
     builds, naive_builds = [], []
     for _ in range(ROUNDS):
         naive, took = timed(lambda: Naive(scene.world))
         naive_builds.append(took)
         for _ in range(BUILDS):
-            ours, took = timed(
-                lambda: Routes(
-                    scene, clearance=CLEARANCE, vertical_clearance=CLEARANCE, margin=MARGIN
-                )
-            )
+            ours, took = timed(lambda: routes(scene))
             builds.append(took)
     build, naive_build = float(np.median(builds)), float(np.median(naive_builds))
     times, naive_times, differences = [], [], []
@@ -129,18 +96,18 @@ def figures() -> Figures:
         naive_times.append(naive_took)
         line = np.vstack([start, way])
         differences.append(abs(float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum()) - length))
-    return Figures(
-        build_ratio=build / naive_build,
-        query_ratio=float(np.median(np.divide(times, naive_times))),
-        build_ms=build * 1e3,
-        naive_build_ms=naive_build * 1e3,
-        query_ms=float(np.median(times)) * 1e3,
-        query_p99_ms=float(np.quantile(times, 0.99)) * 1e3,
-        naive_query_ms=float(np.median(naive_times)) * 1e3,
-        max_length_difference_m=max(differences),
-        corners=len(naive.corner),
+    return {
+        "build_ratio": build / naive_build,
+        "query_ratio": float(np.median(np.divide(times, naive_times))),
+        "build_ms": build * 1e3,
+        "naive_build_ms": naive_build * 1e3,
+        "query_ms": float(np.median(times)) * 1e3,
+        "query_p99_ms": float(np.quantile(times, 0.99)) * 1e3,
+        "naive_query_ms": float(np.median(naive_times)) * 1e3,
+        "max_length_difference_m": max(differences),
+        "corners": len(naive.corner),
         **mixed(),
-    )
+    }
 
 
 def mixed() -> dict[str, Any]:
@@ -148,9 +115,7 @@ def mixed() -> dict[str, Any]:
     scene = room(np.random.default_rng(0), mixed=True)
     builds, times, portions, without = list[float](), list[float](), list[float](), 0
     for _ in range(BUILDS):
-        finder, seconds = timed(
-            lambda: Routes(scene, clearance=CLEARANCE, vertical_clearance=CLEARANCE, margin=MARGIN)
-        )
+        finder, seconds = timed(lambda: routes(scene))
         builds.append(seconds)
     random = np.random.default_rng(1)
     while len(times) < QUERIES:
@@ -169,6 +134,11 @@ def mixed() -> dict[str, Any]:
         "mixed_portion_max_ms": max(portions) * 1e3,
         "mixed_without_way": without,
     }
+
+
+def routes(scene: Scene) -> Routes:
+    """All that is slow when the planner is made."""
+    return Routes(scene, clearance=CLEARANCE, vertical_clearance=CLEARANCE, margin=MARGIN)
 
 
 def in_portions(finder: Routes, start: Array, goal: Array) -> tuple[Array | str, list[float]]:

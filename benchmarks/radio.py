@@ -13,11 +13,9 @@ that the whole transport takes.
 from __future__ import annotations
 
 import dataclasses
-import json
 import logging
 import multiprocessing
 import statistics
-import sys
 import threading
 import time
 from multiprocessing.connection import Connection
@@ -28,6 +26,7 @@ from typing import Any
 import cflib.crtp
 import numpy as np
 from cflib.crazyflie.swarm import CachedCfFactory, Swarm
+from printed import command_line, show
 
 import star_radio
 from star_core import PluginError, Scene, Setpoint
@@ -193,6 +192,7 @@ def sleeping(period: float, ticks: int, told: Connection) -> None:
 
 def main() -> None:
     """Measure, and print."""
+    given = command_line(__doc__).parse_args()
     cflib.crtp.init_drivers()
     logger = logging.getLogger("star_radio")
     logger.setLevel(logging.ERROR)  # a drone is absent on purpose
@@ -202,11 +202,7 @@ def main() -> None:
         figures |= measure(drones)
         drones.close()
     logger.setLevel(logging.NOTSET)
-    if "--json" in sys.argv[1:]:
-        print(json.dumps(figures))
-        return
-    for name, value in figures.items():
-        print(f"{name:24} {value:8.3f}")
+    show(figures, as_json=given.json)
 
 
 if __name__ == "__main__":

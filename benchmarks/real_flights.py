@@ -27,7 +27,7 @@ os.environ.setdefault("SCIPY_ARRAY_API", "1")  # what drone-models requires befo
 
 import numpy as np
 from flight_models import Model, ours, predict, theirs
-from recorded_flights import ESTIMATE_LATENCY, FOLDER, Flight, read, rms
+from recorded_flights import ESTIMATE_LATENCY, FOLDER, Flight, read, recorded, rms
 
 from star_core import Agent, Array, Fence, Scene, World
 from star_sim import discharge, ideal_world
@@ -145,16 +145,13 @@ def main() -> None:
     options.add_argument("--controller", choices=["ideal", "pid", "mellinger"])
     options.add_argument("--json", action="store_true", help="print one JSON object, only")
     given = options.parse_args()
-    paths = sorted(given.folder.glob("*.npz"))
-    if not paths:
-        options.error(f"no recorded flights in {given.folder}: give a folder, or STAR_REAL_FLIGHTS")
     models: dict[str, Model] = {"simulator": ours}
     for drone in ("cf2x_L250", "cf2x_P250"):
         peer = theirs(drone)
         if peer is not None:
             models[f"drone-models {drone}"] = peer
     figures: dict[str, Any] = {}
-    for path in paths:
+    for path in recorded(given.folder):
         flight = read(path)
         row: dict[str, Any] = {"controller": given.controller or flight.controller}
         row |= compare(flight, row["controller"])

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from star_core import Array
 
@@ -62,6 +63,18 @@ class Flight:
         return float(np.median(way / (time[steps:] - time[:-steps])))
 
 
+def recorded(folder: Path) -> list[Path]:
+    """Return the files of all flights in a folder.
+
+    Raises:
+        SystemExit: There are none.
+    """
+    files = sorted(folder.glob("*.npz"))
+    if not files:
+        sys.exit(f"no flights (*.npz) in {folder}: name a folder, or set STAR_REAL_FLIGHTS")
+    return files
+
+
 def read(path: Path) -> Flight:
     """Read a flight and find what of it counts.
 
@@ -93,13 +106,8 @@ def read(path: Path) -> Flight:
 
 def body_axes(attitude: Array) -> Array:
     """Return the (S, 3, 3) matrices from body to map."""
-    x, y, z, w = attitude.T
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
-    return np.moveaxis(np.array(rows), 2, 0)
+    axes: Array = Rotation.from_quat(attitude).as_matrix()
+    return axes
 
 
 def rms(errors: Array) -> float:

@@ -8,9 +8,7 @@ beginning of the mission to its end with all files complete, less that without a
 
 from __future__ import annotations
 
-import argparse
 import json
-import math
 import os
 import resource
 import statistics
@@ -21,32 +19,17 @@ from tempfile import TemporaryDirectory
 from typing import Any
 from unittest.mock import patch
 
+from circle import write
+from printed import command_line
+
 from star_core import Registry, fly, hookimpl, load
 
 AGENTS = 10
 RADIUS = 2.5  # m, of the circle that they change sides on
+TURNS = 4
 TRANSPORT = "{use: sim, speed: 1}"
 GOAL = 10.0  # % of a core
 ROUNDS = 3
-
-HEAD = """\
-star: 1
-name: ten
-world: room.yaml
-transport: {transport}
-localizer: flow
-planner: straight
-avoider: orca
-swarm:
-"""
-STEPS = """\
-mission:
-  - takeoff: {height: 0.8}
-  - repeat:
-      times: 2
-      steps:
-        - parallel:
-"""
 
 
 class Clock:
@@ -74,24 +57,6 @@ def _clocks() -> tuple[float, float]:
     return time.process_time(), others.ru_utime + others.ru_stime
 
 
-def write(folder: Path) -> Path:
-    """Write a mission of ten drones on a circle that change sides four times; return its file."""
-    (folder / "room.yaml").write_text(
-        "star: 1\nname: room\nfence: {low: [-4, -4, 0], high: [4, 4, 2.5]}\n"
-    )
-    lines = [HEAD.format(transport=TRANSPORT)]
-    turns = []
-    for i in range(AGENTS):
-        angle = 2 * math.pi * i / AGENTS
-        x, y = RADIUS * math.cos(angle), RADIUS * math.sin(angle)
-        lines.append(f"  cf{i + 1}: {{start: [{x:.3f}, {y:.3f}, 0]}}\n")
-        turns.append(f"            - goto: {{agents: cf{i + 1}, to: [{-x:.3f}, {-y:.3f}, 0.8]}}\n")
-        turns.append(f"            - goto: {{agents: cf{i + 1}, to: [{x:.3f}, {y:.3f}, 0.8]}}\n")
-    mission = folder / "ten.yaml"
-    mission.write_text("".join([*lines, STEPS, *turns[::2], "        - parallel:\n", *turns[1::2]]))
-    return mission
-
-
 def cost(mission: Path, folder: Path | None) -> dict[str, float]:
     """Fly, and return processor times as percentages of the flight's time."""
     blocked = "" if folder else "record,mcap"
@@ -109,13 +74,10 @@ def cost(mission: Path, folder: Path | None) -> dict[str, float]:
 
 def main() -> None:
     """Print the figures."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--json", action="store_true", help="print one JSON object")
-    parser.add_argument("--rounds", type=int, default=ROUNDS, help="%(default)s")
-    given = parser.parse_args()
+    given = command_line(__doc__, rounds=ROUNDS).parse_args()
     found: dict[str, list[dict[str, float]]] = {"recorded": [], "not recorded": []}
     with TemporaryDirectory() as name:
-        mission = write(Path(name))
+        mission = write(Path(name), AGENTS, RADIUS, TRANSPORT, TURNS)
         for number in range(given.rounds):  # the first flight, a recorded one, loads the kernels
             found["recorded"].append(cost(mission, Path(name) / str(number)))
             found["not recorded"].append(cost(mission, None))

@@ -9,7 +9,6 @@ that of the system.
 
 from __future__ import annotations
 
-import argparse
 import json
 import resource
 import shutil
@@ -22,6 +21,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+from printed import command_line, show
 
 ROOT = Path(__file__).parents[1]
 STAR = Path(sys.executable).with_name("star")
@@ -103,10 +103,8 @@ def invented(folder: Path) -> dict[str, float]:
 
 def main() -> None:
     """Print the figures."""
-    arguments = argparse.ArgumentParser(description=__doc__)
+    arguments = command_line(__doc__, rounds=5)
     arguments.add_argument("--study", action="store_true")
-    arguments.add_argument("--rounds", type=int, default=5)
-    arguments.add_argument("--json", action="store_true")
     options = arguments.parse_args()
     with TemporaryDirectory() as home:
         folder = Path(home, "run")
@@ -115,12 +113,7 @@ def main() -> None:
             **written(folder, options.rounds),
             **opened((folder / "report.html").resolve(), options.rounds),
         }
-    if options.json:
-        print(json.dumps(figures, indent=2))
-        return
-    for name, value in figures.items():
-        goal = f"   (goal: at most {GOALS[name]:g})" if name in GOALS else ""
-        print(f"{name:12} {value:.2f}{goal}")
+    show(figures, as_json=options.json, goals=GOALS)
 
 
 if __name__ == "__main__":

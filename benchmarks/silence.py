@@ -8,7 +8,6 @@ serves is measured until it writes that it does.
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import pty
@@ -23,6 +22,8 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
+
+from printed import command_line
 
 ROOT = Path(__file__).parents[1]
 GOALS = {"pipe": 5.0, "terminal": 2.0}  # s
@@ -99,9 +100,7 @@ def stop(process: subprocess.Popen[bytes]) -> None:
 
 def main() -> None:
     """Print the figures."""
-    options = argparse.ArgumentParser(description=__doc__)
-    options.add_argument("--json", action="store_true", help="print JSON, a line for each run")
-    options.add_argument("--limit", type=float, default=LIMIT, help="s: %(default)g")
+    options = command_line(__doc__, limit=LIMIT)
     options.add_argument("--only", default="", metavar="TEXT", help="commands that contain TEXT")
     given = options.parse_args()
     if not given.json:

@@ -8,14 +8,13 @@ contacts, battery and the noisy estimator on top. Both are timed in turns, as me
 
 from __future__ import annotations
 
-import json
 import math
 import statistics
-import sys
 import time
 from collections.abc import Callable
 
 import numpy as np
+from printed import command_line, show
 
 from star_core import Agent, Array, Command, Fence, Order, Scene, Setpoint, World
 from star_sim import airframe, attitude, ideal_world, position
@@ -246,17 +245,14 @@ def drift(agents: int = 20, laps: int = 3, side: float = 2.37, cruise: float = 0
 
 
 def main() -> None:
+    given = command_line(__doc__).parse_args()
     figures: dict[str, float] = {}
     for n in AGENTS:
         figures |= speed(n)
     error = drift(laps=LAPS)
     figures["drift_box_mse_m2_mean"] = float(error.mean())
     figures["drift_box_mse_m2_std"] = float(error.std(ddof=1))
-    if "--json" in sys.argv:
-        print(json.dumps(figures))
-    else:
-        for name, value in figures.items():
-            print(f"{name:48} {value:14.4g}")
+    show(figures, as_json=given.json)
 
 
 if __name__ == "__main__":

@@ -19,7 +19,6 @@ It needs Linux (``/proc``). The processes have the default priority.
 
 from __future__ import annotations
 
-import argparse
 import json
 import math
 import multiprocessing
@@ -38,6 +37,7 @@ from tempfile import TemporaryDirectory
 from typing import Any, Final
 
 import numpy as np
+from printed import command_line
 from view import read_page
 
 MINUTES, DRONES, RATE = 10.0, 30, 20
@@ -317,11 +317,7 @@ def bound(name: str) -> float | None:
 
 def main() -> int:
     """Print the figures; return 1 if a bound is broken."""
-    options = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    options.add_argument("--json", action="store_true", help="print one JSON object, only")
-    options.add_argument("--minutes", type=float, default=MINUTES, help="default: %(default)g")
-    options.add_argument("--drones", type=int, default=DRONES, help="default: %(default)d")
-    given = options.parse_args()
+    given = command_line(__doc__, minutes=MINUTES, drones=DRONES).parse_args()
     with TemporaryDirectory() as folder:
         soak = fly(Path(folder), given.drones, given.minutes)
         if not (soak.folder / "timing.npz").exists():

@@ -9,8 +9,6 @@ that of the processor, all threads together, so that the figure is that of one c
 
 from __future__ import annotations
 
-import argparse
-import json
 import resource
 import sys
 import time
@@ -19,6 +17,8 @@ from pathlib import Path
 from random import Random
 from tempfile import TemporaryDirectory
 from typing import Any
+
+from printed import command_line, show
 
 from star_core import Registry, fly, hookimpl, load
 
@@ -130,16 +130,9 @@ def measure(agents: int = AGENTS) -> tuple[dict[str, float], Mapping[str, Any]]:
 
 def main() -> None:
     """Print the figures."""
-    options = argparse.ArgumentParser(description=__doc__)
-    options.add_argument("--json", action="store_true", help="print one JSON object, only")
-    options.add_argument("--agents", type=int, default=AGENTS, help="multiple of 40; %(default)s")
-    given = options.parse_args()
+    given = command_line(__doc__, agents=AGENTS).parse_args()  # a multiple of 40
     figures, _ = measure(given.agents)
-    if given.json:
-        print(json.dumps(figures))
-        return
-    for name, value in figures.items():
-        print(f"{name:32}{value:10.4g}")
+    show(figures, as_json=given.json)
 
 
 if __name__ == "__main__":

@@ -15,7 +15,6 @@ loads of one, the ratio of a tick to it changes less than the time.
 
 from __future__ import annotations
 
-import argparse
 import json
 import sys
 from pathlib import Path
@@ -24,6 +23,7 @@ from time import thread_time_ns
 from typing import Final
 
 import numpy as np
+from printed import command_line, show
 from tick import write
 
 from star_core import Registry, fly, load, open_flight
@@ -120,23 +120,20 @@ def step_over_tick(flights: int) -> dict[str, float]:
 
 def main() -> None:
     """Print the figures."""
-    options = argparse.ArgumentParser(description=__doc__)
-    options.add_argument("--json", action="store_true", help="print one JSON object, only")
+    options = command_line(__doc__)
     options.add_argument("--agents", type=int, nargs="+", default=[*FLIGHTS], help="%(default)s")
     options.add_argument("--flights", type=int, help="of each number of drones")
     options.add_argument("--step", action="store_true", help="a step over the tick in it")
     chosen = options.parse_args()
     if chosen.step:
-        for name, value in step_over_tick(chosen.flights or FLIGHTS[3]).items():
-            print(f"{name:24}{value:10.4g}")
+        show(step_over_tick(chosen.flights or FLIGHTS[3]), as_json=chosen.json)
         return
     figures = {}
     for agents in chosen.agents:
         figures[agents] = measure(agents, chosen.flights or FLIGHTS.get(agents, 4))
         if not chosen.json:
             print(f"{agents} drones")
-            for name, value in figures[agents].items():
-                print(f"  {name:24}{value:10.4g}", flush=True)
+            show(figures[agents], as_json=False)
     if chosen.json:
         print(json.dumps(figures))
 

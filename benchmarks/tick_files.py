@@ -8,7 +8,6 @@ The last line has the totals; bookkeeping are the calls that freeze, time, guard
 
 from __future__ import annotations
 
-import argparse
 import json
 import sys
 import tempfile
@@ -18,6 +17,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
 from typing import Any, Final
+
+from printed import command_line
 
 from star_core import Registry, fly, load
 from star_core.formats import check_file
@@ -108,10 +109,9 @@ def _called_by_plugin(frame: FrameType) -> bool:
 
 def main() -> None:
     """Print the files of one tick."""
-    arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    arguments = command_line(__doc__)
     arguments.add_argument("mission", nargs="?", default=str(ROOT / "missions/first_flight.yaml"))
     arguments.add_argument("--check", action="store_true")
-    arguments.add_argument("--json", action="store_true")
     given = arguments.parse_args()
     calls = (calls_of_check if given.check else calls_of_one_tick)(given.mission)
     figures = {

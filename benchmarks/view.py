@@ -15,9 +15,7 @@ processor, at high priority where the first picture is timed; a desktop has a gr
 
 from __future__ import annotations
 
-import argparse
 import asyncio
-import json
 import multiprocessing
 import os
 import sys
@@ -29,6 +27,8 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
+from circle import write
+from printed import command_line, show
 
 from star_core import Flight, Registry, Tick, fly, hookimpl, load
 from star_core.discovery import Source
@@ -36,10 +36,12 @@ from star_view.live_view import LiveView
 
 ROOT = Path(__file__).parents[1]
 FIRST_FLIGHT = ROOT / "missions" / "first_flight.yaml"
+PICTURE = "first picture of three drones (s)"
 GOAL_OVERRUN = 5.0  # ms, 99th percentile
 GOAL_PICTURE = 3.0  # s
 AGENTS = 10
 RADIUS = 2.5  # m, of the circle that they change sides on
+TRANSPORT = "{use: sim, profile: ideal, controller: ideal}"
 PATIENCE = 60.0  # s
 HUES = (101, 11, 82)  # of 180: blue, orange and green, those of the drones
 SCENE = 880  # px, width of the page less its panel
@@ -49,22 +51,6 @@ PORT = 18300
 CHROMIUM = "/usr/bin/chromium"
 ARGUMENTS = ("--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader",
              "--enable-unsafe-swiftshader")  # fmt: skip
-
-MISSION = """\
-star: 1
-name: ten
-world: room.yaml
-transport: {use: sim, profile: ideal, controller: ideal}
-localizer: flow
-planner: straight
-avoider: orca
-swarm:
-"""
-STEPS = """\
-mission:
-  - takeoff: {height: 0.8}
-  - parallel:
-"""
 
 
 class Overruns:
@@ -76,23 +62,6 @@ class Overruns:
     @hookimpl(trylast=True)
     def star_ticked(self, tick: Tick) -> None:
         self.overruns.append(time.monotonic() - tick.time)
-
-
-def write(folder: Path) -> Path:
-    """Write a mission of ten drones on a circle that change sides twice; return its file."""
-    (folder / "room.yaml").write_text(
-        "star: 1\nname: room\nfence: {low: [-4, -4, 0], high: [4, 4, 2.5]}\n"
-    )
-    angle = 2 * np.pi * np.arange(AGENTS) / AGENTS
-    x, y = RADIUS * np.cos(angle), RADIUS * np.sin(angle)
-    swarm = [f"  cf{i + 1}: {{start: [{x[i]:.3f}, {y[i]:.3f}, 0]}}\n" for i in range(AGENTS)]
-    goto = [
-        f"      - goto: {{agents: cf{i + 1}, to: [{-x[i]:.3f}, {-y[i]:.3f}, 0.8]}}\n"
-        for i in range(AGENTS)
-    ]
-    mission = folder / "ten.yaml"
-    mission.write_text(MISSION + "".join(swarm) + STEPS + "".join(goto) + "  - land: {}\n")
-    return mission
 
 
 def overruns(mission: Path, view: LiveView | None, reader: Any = None) -> list[float]:
@@ -214,7 +183,7 @@ def first_picture() -> dict[str, float]:
     external = [url for url in requests if not url.startswith(own)]
     assert not external, external
     return {
-        "first picture of three drones (s)": took,
+        PICTURE: took,
         "requests of the page": float(len(requests)),
         "of them to elsewhere": float(len(external)),
     }
@@ -243,7 +212,7 @@ def measure(rounds: int, *, chromium: bool) -> dict[str, float]:
     if chromium:
         ways["view and Chromium"] = []
     with TemporaryDirectory() as folder:
-        mission = write(Path(folder))
+        mission = write(Path(folder), AGENTS, RADIUS, TRANSPORT, turns=1)
         fly(load(mission, registry := Registry()), registry)  # kernels are compiled once
         for _ in range(rounds):
             for way, found in ways.items():
@@ -259,20 +228,14 @@ def measure(rounds: int, *, chromium: bool) -> dict[str, float]:
 
 def main() -> None:
     """Print the figures."""
-    options = argparse.ArgumentParser(description=__doc__)
-    options.add_argument("--json", action="store_true", help="print one JSON object, only")
-    options.add_argument("--rounds", type=int, default=ROUNDS)
+    options = command_line(__doc__, rounds=ROUNDS)
     options.add_argument("--chromium", action="store_true", help="also with Chromium (playwright)")
     given = options.parse_args()
     with suppress(OSError):
         os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(1))
     figures = measure(given.rounds, chromium=given.chromium)
-    if given.json:
-        print(json.dumps(figures))
-        return
-    for name, value in figures.items():
-        goal = GOAL_OVERRUN if "p99" in name else GOAL_PICTURE if "picture" in name else None
-        print(f"{name:44}{value:8.2f}" + (f"   (goal: at most {goal:g})" if goal else ""))
+    goals = {PICTURE: GOAL_PICTURE} | {name: GOAL_OVERRUN for name in figures if "p99" in name}
+    show(figures, as_json=given.json, goals=goals)
 
 
 if __name__ == "__main__":

@@ -185,7 +185,9 @@ SCRIPTS = {
     "view": Small("--json --rounds 1", {"AGENTS": 2, "RADIUS": 0.5}),
 }
 PARTS = {
+    "circle",
     "flight_models",
+    "printed",
     "recorded_flights",
     "small_tags",
     "tests.campaign.example_scripts",
