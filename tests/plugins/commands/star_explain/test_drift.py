@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
+from functools import partial
 
 import numpy as np
 import pytest
 
-from star_core import AgentPhase, Registry
-from star_core.formats import check_file
+from star_core import AgentPhase
 from star_core.toolkit import Rehearsal
+from tests.plugins.commands.star_explain.conftest import HALL, Warn
 
-WORLD = "star: 1\nname: hall\nfence: {low: [-9, -9, 0], high: [9, 9, 2.2]}\n"
 MISSION = """\
 star: 1
 name: hover
@@ -31,29 +30,27 @@ mission:
 """
 
 
-def warnings(folder: Path, *changes: str) -> list[str]:
+@pytest.fixture
+def warnings(warn: Warn) -> Warn:
     """Return the warnings of a hover with some changes."""
-    (folder / "hall.yaml").write_text(WORLD)
-    (folder / "hover.yaml").write_text(MISSION)
-    return [*check_file(folder / "hover.yaml", Registry(), changes)[1]]
+    return partial(warn, MISSION)
 
 
-def test_a_short_flight_side_by_side_is_safe(tmp_path: Path) -> None:
-    assert warnings(tmp_path) == []
-
-
-def test_agents_that_stay_on_the_ground_do_not_drift(tmp_path: Path) -> None:
-    assert warnings(tmp_path, "mission=[{hold: {}}]") == []
+@pytest.mark.parametrize("changes", [(), ("mission=[{hold: {}}]",)])
+def test_short_flights_and_agents_on_the_ground_are_safe(
+    warnings: Warn, changes: tuple[str, ...]
+) -> None:
+    assert warnings(*changes) == []
 
 
 @pytest.mark.parametrize(
     "change", ["mission.1.hold.for=60", "swarm.cf2.start=[0.5, 0, 0]", "localizer.error_std=0.5"]
 )
 def test_flights_too_long_too_near_or_too_inexact_are_warned_of(
-    tmp_path: Path, change: str
+    warnings: Warn, change: str
 ) -> None:
-    (found,) = warnings(tmp_path, change)
-    assert found.split(": warning: ")[0].endswith("hover.yaml:8:12")
+    (found,) = warnings(change)
+    assert found.split(": warning: ")[0].endswith("m.yaml:8:12")
     assert "cf1, cf2 are" in found
     assert found.endswith("[drift-exceeds-separation]")
 
@@ -67,14 +64,14 @@ def test_flights_too_long_too_near_or_too_inexact_are_warned_of(
         "transport.noise=false",
     ],
 )
-def test_distant_or_exactly_located_agents_give_no_warning(tmp_path: Path, change: str) -> None:
-    assert warnings(tmp_path, "mission.1.hold.for=60", change) == []
+def test_distant_or_exactly_located_agents_give_no_warning(warnings: Warn, change: str) -> None:
+    assert warnings("mission.1.hold.for=60", change) == []
 
 
-def test_repeated_steps_count_as_often_as_they_are_flown(tmp_path: Path) -> None:
+def test_repeated_steps_count_as_often_as_they_are_flown(warnings: Warn) -> None:
     steps = "mission.1={repeat: {times: %d, steps: [{hold: {for: 5}}]}}"
-    assert warnings(tmp_path, steps % 1) == []
-    assert re.search(r"after about [67]\d s", warnings(tmp_path, steps % 12)[0])
+    assert warnings(steps % 1) == []
+    assert re.search(r"after about [67]\d s", warnings(steps % 12)[0])
 
 
 def test_between_moments_an_agent_is_on_the_line() -> None:
@@ -89,44 +86,46 @@ def test_between_moments_an_agent_is_on_the_line() -> None:
 
 
 ALONE = ("swarm={cf1: {start: [0, 0, 0]}}", "mission.1={hold: {at: [3, 0, 0.8], for: 40}}")
-PILLAR = "obstacles: {pillar: {box: {centre: [4.0, 0], size: [0.8, 0.8]}, height: [0, 2.2]}}\n"
+PILLAR = "obstacles: {pillar: {box: {centre: [4.0, 0], size: [0.8, 0.8]}, height: [0, 3]}}\n"
 TAGS = "landmarks: {start: {tags: [1], at: [0.8, 0, 0]}, goal: {tags: [2], at: [3.45, 0, 0]}}\n"
 BY_TAGS = ("localizer=apriltag", "swarm.cf1.camera=aideck")
 
 
-def warned(folder: Path, world: str, *changes: str) -> list[str]:
+@pytest.fixture
+def warned(warn: Warn) -> Warn:
     """Return the warnings of a flight of one drone in a hall with something more in it."""
-    (folder / "hall.yaml").write_text(WORLD + world)
-    (folder / "hover.yaml").write_text(MISSION)
-    changes = ("planner=visibility", *ALONE, *changes)
-    return [*check_file(folder / "hover.yaml", Registry(), changes)[1]]
+
+    def alone(world: str, *changes: str) -> list[str]:
+        return warn(MISSION, "planner=visibility", *ALONE, *changes, world=HALL + world)
+
+    return alone
 
 
-def test_one_agent_that_drifts_near_an_obstacle_is_warned_of(tmp_path: Path) -> None:
-    (found,) = warned(tmp_path, PILLAR)
-    assert found.split(": warning: ")[0].endswith("hover.yaml:8:12")
+def test_one_agent_that_drifts_near_an_obstacle_is_warned_of(warned: Warn) -> None:
+    (found,) = warned(PILLAR)
+    assert found.split(": warning: ")[0].endswith("m.yaml:8:12")
     assert "cf1 is 0.6 m from obstacle 'pillar' after about" in found
     assert found.endswith("[drift-exceeds-clearance]")
-    assert warned(tmp_path, PILLAR, "limits.uncertainty_margin=0") == []
-    assert warned(tmp_path, PILLAR, "mission.1.hold={at: [1.5, 0, 0.8], for: 5}") == []
+    assert warned(PILLAR, "limits.uncertainty_margin=0") == []
+    assert warned(PILLAR, "mission.1.hold={at: [1.5, 0, 0.8], for: 5}") == []
 
 
-def test_a_contact_in_three_of_a_thousand_flights_is_warned_of(tmp_path: Path) -> None:
-    (found,) = warned(tmp_path, PILLAR, "mission.1.hold={at: [2.75, 0, 0.8], for: 10}")
+def test_a_contact_in_three_of_a_thousand_flights_is_warned_of(warned: Warn) -> None:
+    (found,) = warned(PILLAR, "mission.1.hold={at: [2.75, 0, 0.8], for: 10}")
     assert "agents touch obstacles with a probability of up to 0." in found
-    assert warned(tmp_path, PILLAR, "mission.1.hold={at: [2.5, 0, 0.8], for: 10}") == []
+    assert warned(PILLAR, "mission.1.hold={at: [2.5, 0, 0.8], for: 10}") == []
 
 
-def test_one_agent_that_drifts_near_the_fence_is_warned_of(tmp_path: Path) -> None:
-    (found,) = warned(tmp_path, "", "mission.1.hold.at=[8.5, 0, 0.8]")
+def test_one_agent_that_drifts_near_the_fence_is_warned_of(warned: Warn) -> None:
+    (found,) = warned("", "mission.1.hold.at=[8.5, 0, 0.8]")
     assert "cf1 is 0.5 m from the fence" in found
     assert "leave the fence by more than 0.2 m" in found
     assert found.endswith("[drift-exceeds-clearance]")
 
 
-def test_agents_that_see_landmarks_are_not_warned_of(tmp_path: Path) -> None:
-    assert warned(tmp_path, PILLAR + TAGS, *BY_TAGS) == []
-    (unseen,) = warned(tmp_path, PILLAR + TAGS, *BY_TAGS, "localizer.max_tags_per_landmark=0")
+def test_agents_that_see_landmarks_are_not_warned_of(warned: Warn) -> None:
+    assert warned(PILLAR + TAGS, *BY_TAGS) == []
+    (unseen,) = warned(PILLAR + TAGS, *BY_TAGS, "localizer.max_tags_per_landmark=0")
     assert "when its position by 'apriltag' has a standard deviation" in unseen
 
 
@@ -139,16 +138,16 @@ CROSSING = (
 )
 
 
-def test_agents_that_the_core_would_land_are_warned_of(tmp_path: Path) -> None:
-    (found,) = warnings(tmp_path, *CROSSING)
+def test_agents_that_the_core_would_land_are_warned_of(warnings: Warn) -> None:
+    (found,) = warnings(*CROSSING)
     assert "have no room between them after about" in found
     assert found.endswith("[no-room-for-drift]")
-    assert warnings(tmp_path, *CROSSING, "limits.uncertainty_margin=0") == []
+    assert warnings(*CROSSING, "limits.uncertainty_margin=0") == []
 
 
 @pytest.mark.parametrize(("half", "is_warned"), [(0.5, True), (0.8, False)])
 def test_pairs_that_swap_in_near_lanes_are_warned_of(
-    tmp_path: Path, half: float, *, is_warned: bool
+    warnings: Warn, half: float, *, is_warned: bool
 ) -> None:
     lanes = (
         f"swarm={{cf1: {{start: [-0.8, {half}, 0]}}, cf2: {{start: [0.8, {half}, 0]}}, "
@@ -158,12 +157,12 @@ def test_pairs_that_swap_in_near_lanes_are_warned_of(
         f"{{goto: {{agents: cf3, to: [0.8, -{half}, 0.8]}}}}, "
         f"{{goto: {{agents: cf4, to: [-0.8, -{half}, 0.8]}}}}]}}",
     )
-    found = warnings(tmp_path, *lanes)
+    found = warnings(*lanes)
     assert [text.rpartition("[")[2] for text in found] == ["no-room-for-drift]"] * is_warned
 
 
 @pytest.mark.parametrize(
-    ("positioning", "warned"),
+    ("positioning", "is_warned"),
     [
         ("std: 0.03", False),
         ("std: 0.3", True),
@@ -171,10 +170,10 @@ def test_pairs_that_swap_in_near_lanes_are_warned_of(
     ],
 )
 def test_the_error_of_a_positioning_system_is_expected(
-    tmp_path: Path, positioning: str, *, warned: bool
+    warnings: Warn, positioning: str, *, is_warned: bool
 ) -> None:
     system = f"transport={{use: sim, positioning: {{{positioning}}}}}"
     found = warnings(
-        tmp_path, system, "localizer=mocap", "mission.1.hold.for=60", "swarm.cf2.start=[0.7, 0, 0]"
+        system, "localizer=mocap", "mission.1.hold.for=60", "swarm.cf2.start=[0.7, 0, 0]"
     )
-    assert any(text.endswith("[drift-exceeds-separation]") for text in found) == warned
+    assert any(text.endswith("[drift-exceeds-separation]") for text in found) == is_warned

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
+from collections.abc import Callable
+from typing import TypeAlias
 
 import pytest
 
-from star_core import Registry
-from star_core.errors import code_of
-from star_core.formats import check_file
+from star_core.formats import code_of
+from tests.plugins.commands.star_explain.conftest import Warn
+
+Steps: TypeAlias = Callable[..., list[str]]
 
 WORLD = "star: 1\nname: hall\nfence: {low: [-2, -2, 0], high: [2, 2, 2.2]}\n"
 MISSION = """\
@@ -28,13 +30,15 @@ mission:
 """
 
 
-def warnings(folder: Path, *steps: str) -> list[str]:
-    """Return line and code of each warning of a mission with these steps after a take-off."""
-    (folder / "hall.yaml").write_text(WORLD)
-    text = MISSION + "".join(f"  - {step}\n" for step in steps)
-    (folder / "hops.yaml").write_text(text)
-    found = check_file(folder / "hops.yaml", Registry())[1]
-    return [f"{one.split(':')[1]} {code_of(one)}" for one in found]
+@pytest.fixture
+def warnings(warn: Warn) -> Steps:
+    """Return line and code of each warning of a mission with some steps after a take-off."""
+
+    def warned(*steps: str) -> list[str]:
+        text = MISSION + "".join(f"  - {step}\n" for step in steps)
+        return [f"{one.split(':')[1]} {code_of(one)}" for one in warn(text, world=WORLD)]
+
+    return warned
 
 
 @pytest.mark.parametrize(
@@ -45,49 +49,49 @@ def warnings(folder: Path, *steps: str) -> list[str]:
         "goto: {agents: cf1, by: [3, 0, 0], on_failure: continue}",
     ],
 )
-def test_offsets_that_may_fail_are_warned_of(tmp_path: Path, step: str) -> None:
-    assert warnings(tmp_path, "goto: {agents: cf1, by: [1.8, 0, 0]}") == []
-    assert warnings(tmp_path, step) == ["13 unreachable-goal"]
+def test_offsets_that_may_fail_are_warned_of(warnings: Steps, step: str) -> None:
+    assert warnings("goto: {agents: cf1, by: [1.8, 0, 0]}") == []
+    assert warnings(step) == ["13 unreachable-goal"]
 
 
-def test_an_offset_from_a_named_goal_is_exact(tmp_path: Path) -> None:
+def test_an_offset_from_a_named_goal_is_exact(warnings: Steps) -> None:
     named = "goto: {agents: cf1, to: [1, 1, 0.8]}"
-    assert warnings(tmp_path, named, "goto: {agents: cf1, by: [0.95, 0, 0]}") == []
+    assert warnings(named, "goto: {agents: cf1, by: [0.95, 0, 0]}") == []
 
 
-def test_an_offset_from_another_agent_is_not_exact(tmp_path: Path) -> None:
+def test_an_offset_from_another_agent_is_not_exact(warnings: Steps) -> None:
     named = "goto: {agents: cf1, to: [0.5, 1, 0.8]}", "goto: {agents: cf2, to: [1, -1, 0.8]}"
     beside = "goto: {agents: cf1, relative_to: cf2, by: [%g, 2, 0], moving: true}"
-    assert warnings(tmp_path, *named, beside % 0.85) == []
-    assert warnings(tmp_path, *named, beside % 0.95) == ["15 unreachable-goal"]
+    assert warnings(*named, beside % 0.85) == []
+    assert warnings(*named, beside % 0.95) == ["15 unreachable-goal"]
 
 
-def test_an_offset_from_an_uncertain_position_is_warned_of(tmp_path: Path) -> None:
+def test_an_offset_from_an_uncertain_position_is_warned_of(warnings: Steps) -> None:
     ended = "goto: {agents: cf1, to: [1, 1, 0.8], until: {elapsed: 1}}"
     offset = "goto: {agents: cf1, by: [0, -3.5, 0]}"
-    assert warnings(tmp_path, ended, offset) == ["14 unreachable-goal"]
+    assert warnings(ended, offset) == ["14 unreachable-goal"]
     known = "goto: {agents: cf1, to: [-1, 1, 0.8]}"
-    assert warnings(tmp_path, ended, known, "goto: {agents: cf1, by: [0, -2, 0]}") == []
+    assert warnings(ended, known, "goto: {agents: cf1, by: [0, -2, 0]}") == []
 
 
-def test_a_step_that_times_out_in_the_rehearsal_is_warned_of(tmp_path: Path) -> None:
+def test_a_step_that_times_out_in_the_rehearsal_is_warned_of(warnings: Steps) -> None:
     grounded = "land: {on_failure: continue}"  # so that the goal after it is not reached
-    assert warnings(tmp_path, grounded, "goto: {to: [0, 1, 1]}")[-1] == "14 timeout-too-short"
+    assert warnings(grounded, "goto: {to: [0, 1, 1]}")[-1] == "14 timeout-too-short"
 
 
-def test_goals_too_near_to_another_agent_are_warned_of(tmp_path: Path) -> None:
-    assert warnings(tmp_path, "goto: {agents: cf1, to: [1.1, 0, 0.8]}") == ["13 too-close"]
-    assert warnings(tmp_path, "goto: {agents: cf1, to: [0.95, 0, 0.8]}") == ["13 too-close"]
-    assert warnings(tmp_path, "goto: {agents: cf1, to: [0.85, 0, 0.8]}") == []
+def test_goals_too_near_to_another_agent_are_warned_of(warnings: Steps) -> None:
+    assert warnings("goto: {agents: cf1, to: [1.1, 0, 0.8]}") == ["13 too-close"]
+    assert warnings("goto: {agents: cf1, to: [0.95, 0, 0.8]}") == ["13 too-close"]
+    assert warnings("goto: {agents: cf1, to: [0.85, 0, 0.8]}") == []
     above = "goto: {agents: cf1, to: [1.2, 0, 1.7]}"
-    assert warnings(tmp_path, above) == []
+    assert warnings(above) == []
     landed = "land: {agents: cf2}"
     low = "goto: {agents: cf1, to: [1.1, 0, 0.4]}"
-    assert warnings(tmp_path, landed, low) == ["14 too-close"]
-    assert warnings(tmp_path, "leave: {agents: cf2}", low) == []
+    assert warnings(landed, low) == ["14 too-close"]
+    assert warnings("leave: {agents: cf2}", low) == []
 
 
-def test_agents_that_swap_positions_at_once_are_not_warned_of(tmp_path: Path) -> None:
+def test_agents_that_swap_positions_at_once_are_not_warned_of(warnings: Steps) -> None:
     there, back = ({"agents": f"cf{i}", "by": [by, 0, 0]} for i, by in ((1, 1.2), (2, -1.2)))
     swap = json.dumps({"parallel": [{"goto": there}, {"goto": back}]})
-    assert warnings(tmp_path, swap) == []
+    assert warnings(swap) == []

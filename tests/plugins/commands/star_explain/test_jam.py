@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 import pytest
@@ -10,6 +12,9 @@ import pytest
 from star_core import Registry
 from star_core.formats import check_file
 from star_explain.jam import crowd
+from tests.plugins.commands.star_explain.conftest import Warn
+
+Lanes: TypeAlias = Callable[..., list[str]]
 
 WORLD = "star: 1\nname: hall\nfence: {low: [-20, -20, 0], high: [20, 20, 3]}\n"
 MISSION = """\
@@ -33,44 +38,47 @@ mission:
 """
 
 
-def warnings(folder: Path, *changes: str, pitch: float = 0.75, lanes: int = 6) -> list[str]:
+@pytest.fixture
+def warnings(warn: Warn) -> Lanes:
     """Return the warnings of two blocks that fly through each other, lane beside lane."""
-    groups: dict[str, list[str]] = {"west": [], "east": []}
-    swarm = []
-    for lane in range(lanes):
-        side, x = ("west", -6) if lane % 2 else ("east", 6)
-        for row in range(6):
-            name = f"{side}{lane}_{row}"
-            groups[side].append(name)
-            start = x + (row if side == "east" else -row), pitch * lane
-            swarm.append(f"  {name}: {{start: [{start[0]}, {start[1]:g}, 0]}}")
-    text = MISSION.replace("SWARM", "\n".join(swarm))
-    text = text.replace("WEST", ", ".join(groups["west"]))
-    (folder / "hall.yaml").write_text(WORLD)
-    (folder / "lanes.yaml").write_text(text.replace("EAST", ", ".join(groups["east"])))
-    found = check_file(folder / "lanes.yaml", Registry(), changes)[1]
-    return [text for text in found if "margins-exceed-paths" in text]
+
+    def warned(*changes: str, pitch: float = 0.75, lanes: int = 6) -> list[str]:
+        groups: dict[str, list[str]] = {"west": [], "east": []}
+        swarm = []
+        for lane in range(lanes):
+            side, sign = ("west", -1) if lane % 2 else ("east", 1)
+            for row in range(6):
+                groups[side].append(f"{side}{lane}_{row}")
+                start = f"[{sign * (6 + row)}, {pitch * lane:g}, 0]"
+                swarm.append(f"  {groups[side][-1]}: {{start: {start}}}")
+        text = MISSION.replace("SWARM", "\n".join(swarm))
+        for side, names in groups.items():
+            text = text.replace(side.upper(), ", ".join(names))
+        found = warn(text, *changes, world=WORLD)
+        return [text for text in found if "margins-exceed-paths" in text]
+
+    return warned
 
 
-def test_lanes_narrower_than_the_margins_are_warned_of(tmp_path: Path) -> None:
-    (text,) = warnings(tmp_path)
-    assert text.split(": warning: ")[0].endswith("lanes.yaml:42:12")
+def test_lanes_narrower_than_the_margins_are_warned_of(warnings: Lanes) -> None:
+    (text,) = warnings()
+    assert text.split(": warning: ")[0].endswith("m.yaml:42:12")
     assert "they keep 1.20 m apart from about" in text
 
 
 @pytest.mark.parametrize(
     "change", ["limits.uncertainty_margin=0", "transport.noise=false", "avoider={use: none}"]
 )
-def test_exact_positions_and_smaller_distances_are_not(tmp_path: Path, change: str) -> None:
-    assert warnings(tmp_path, change) == []
+def test_exact_positions_and_smaller_distances_are_not(warnings: Lanes, change: str) -> None:
+    assert warnings(change) == []
 
 
-def test_wide_lanes_are_not(tmp_path: Path) -> None:
-    assert warnings(tmp_path, pitch=2.0) == []
+def test_wide_lanes_are_not(warnings: Lanes) -> None:
+    assert warnings(pitch=2.0) == []
 
 
-def test_more_than_a_hundred_agents_are_compared(tmp_path: Path) -> None:
-    assert len(warnings(tmp_path, lanes=18)) == 1
+def test_more_than_a_hundred_agents_are_compared(warnings: Lanes) -> None:
+    assert len(warnings(lanes=18)) == 1
 
 
 def test_an_agent_between_two_that_come_cannot_make_way() -> None:

@@ -2,20 +2,14 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
-from star_core import Registry
-from star_core.formats import check_file
+from tests.plugins.commands.star_explain.conftest import HALL, Warn
 
-WORLD = """\
-star: 1
-name: hall
-fence: {low: [-9, -9, 0], high: [9, 9, 2.2]}
-obstacles:
-  wall: {box: {centre: [2, 0], size: [0.2, 4]}, height: [0, 1.5]}
-  beam: {box: {centre: [-2, 0], size: [0.2, 4]}, height: [1.6, 2]}
+WORLD = f"""\
+{HALL}obstacles:
+  wall: {{box: {{centre: [2, 0], size: [0.2, 4]}}, height: [0, 1.5]}}
+  beam: {{box: {{centre: [-2, 0], size: [0.2, 4]}}, height: [1.6, 2]}}
 """
 MISSION = """\
 star: 1
@@ -31,9 +25,6 @@ mission:
   - goto: {to: [0, 1, 0.8]}
   - land: {}
 """
-VISIBILITY = "planner={use: visibility, clearance: 0.3}"
-
-
 ORCA = "avoider={use: orca, clearance: 0.3}"
 
 
@@ -55,18 +46,14 @@ ORCA = "avoider={use: orca, clearance: 0.3}"
     ],
 )  # fmt: skip
 def test_starts_and_landings_beside_obstacles_are_warned_of(
-    tmp_path: Path, start: str, goal: str, changes: tuple[str, ...], warning: str
+    warn: Warn, start: str, goal: str, changes: tuple[str, ...], warning: str
 ) -> None:
     text = MISSION.replace("[0, 0, 0]", f"[{start}]").replace("[0, 1, 0.8]", f"[{goal}]")
-    (tmp_path / "hall.yaml").write_text(WORLD)
-    (tmp_path / "m.yaml").write_text(text)
-    warnings = check_file(tmp_path / "m.yaml", Registry(), changes)[1]
-    near = [text for text in warnings if "-near-obstacle]" in text]
+    near = [text for text in warn(text, *changes, world=WORLD) if "-near-obstacle]" in text]
     assert len(near) == bool(warning)
     assert warning in "".join(near)
 
 
-def test_virtual_obstacles_are_not_warned_of(tmp_path: Path) -> None:
-    (tmp_path / "hall.yaml").write_text(WORLD.replace("1.5]}", "1.5], virtual: true}"))
-    (tmp_path / "m.yaml").write_text(MISSION.replace("[0, 0, 0]", "[2, 0, 0]"))
-    assert not check_file(tmp_path / "m.yaml", Registry(), ())[1]
+def test_virtual_obstacles_are_not_warned_of(warn: Warn) -> None:
+    virtual = WORLD.replace("1.5]}", "1.5], virtual: true}")
+    assert warn(MISSION.replace("[0, 0, 0]", "[2, 0, 0]"), world=virtual) == []

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from star_core import Registry, load
-from star_core.formats import check_file
 from star_explain.parked import parked_problems
+from tests.plugins.commands.star_explain.conftest import HALL, Warn
 
-WORLD = "star: 1\nname: hall\nfence: {low: [-9, -9, 0], high: [9, 9, 2.2]}\n"
+BESIDE = ("swarm.cf3.start=[3, 0.6, 0]", "swarm.cf4.start=[3, -0.6, 0]")
 MISSION = """\
 star: 1
 name: passing
@@ -33,39 +33,29 @@ mission:
 
 
 @pytest.mark.parametrize(
-    ("change", "is_warned"),
+    ("changes", "is_warned"),
     [
-        ("avoider=voronoi", False),
-        ("avoider=potential", True),
-        ("avoider=orca", False),
-        ("avoider=none", False),
-        ("swarm.cf2.start=[1.5, 0.6, 0]", False),
-        ("mission.1.goto.agents=cf2", False),
+        (["avoider=voronoi"], False),
+        (["avoider=voronoi", *BESIDE], True),  # its goal is between two that hover
+        (["avoider=potential"], True),
+        (["avoider=orca"], False),
+        (["avoider=none"], False),
+        (["swarm.cf2.start=[1.5, 0.6, 0]"], False),
+        (["mission.1.goto.agents=cf2"], False),
     ],
 )
 def test_a_hovering_agent_in_the_way_is_warned_of(
-    tmp_path: Path, change: str, *, is_warned: bool
+    warn: Warn, changes: list[str], *, is_warned: bool
 ) -> None:
-    (tmp_path / "hall.yaml").write_text(WORLD)
-    (tmp_path / "passing.yaml").write_text(MISSION)
-    warnings = check_file(tmp_path / "passing.yaml", Registry(), [change])[1]
+    warnings = warn(MISSION, *changes)
     assert ["[agent-in-the-way]" in text for text in warnings] == [True] * is_warned
-
-
-def test_voronoi_is_warned_of_goals_between_hovering_agents(tmp_path: Path) -> None:
-    beside = "swarm.cf3.start=[3, 0.6, 0]", "swarm.cf4.start=[3, -0.6, 0]"
-    (tmp_path / "hall.yaml").write_text(WORLD)
-    (tmp_path / "passing.yaml").write_text(MISSION)
-    changes = ["avoider=voronoi", *beside]
-    warnings = check_file(tmp_path / "passing.yaml", Registry(), changes)[1]
-    assert ["[agent-in-the-way]" in text for text in warnings] == [True]
 
 
 @pytest.mark.parametrize(("seconds", "is_warned"), [(15.0, True), (5.0, False)])
 def test_an_agent_that_creeps_before_another_is_warned_of(
     tmp_path: Path, seconds: float, *, is_warned: bool
 ) -> None:
-    (tmp_path / "hall.yaml").write_text(WORLD)
+    (tmp_path / "hall.yaml").write_text(HALL)
     (tmp_path / "passing.yaml").write_text(MISSION)
     mission = load(tmp_path / "passing.yaml", Registry())
     time = np.arange(0.0, 20.0, 0.5)

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from pathlib import Path
+from functools import partial
 
 import numpy as np
 import pytest
 
-from star_core import Registry, load
 from star_core.toolkit import Rehearsal
+from tests.plugins.commands.star_explain.conftest import Rehearse
 
-WORLD = "star: 1\nname: hall\nfence: {low: [-9, -9, 0], high: [9, 9, 3]}\n"
 MISSION = """\
 star: 1
 name: swap
@@ -27,23 +25,12 @@ mission:
       - goto: {agents: a, to: [1.5, 0, 0.8]}
       - goto: {agents: b, to: [-1.5, 0, 0.8]}
 """
-ALONE = "mission.1.parallel.1.goto.to=[1.5, 0, 0.8]"  # b stays, on the way of no agent
 DISTANCE = 0.6  # m: twice the radius
 
 
 @pytest.fixture
-def rehearsed(tmp_path: Path) -> Callable[..., Rehearsal]:
-    """Return a function that rehearses `MISSION` with some changes."""
-    (tmp_path / "hall.yaml").write_text(WORLD)
-    (tmp_path / "swap.yaml").write_text(MISSION)
-
-    def rehearse(*changes: str) -> Rehearsal:
-        registry = Registry()
-        mission = load(tmp_path / "swap.yaml", registry, changes)
-        result: Rehearsal = registry.manager.hook.star_rehearse(mission=mission, registry=registry)
-        return result
-
-    return rehearse
+def rehearsed(rehearse: Rehearse) -> Rehearse:
+    return partial(rehearse, MISSION)
 
 
 def least_distance(rehearsal: Rehearsal) -> float:
@@ -51,37 +38,37 @@ def least_distance(rehearsal: Rehearsal) -> float:
     return float(np.linalg.norm(offset, axis=1).min())
 
 
-def test_agents_that_swap_positions_make_way(rehearsed: Callable[..., Rehearsal]) -> None:
+def test_agents_that_swap_positions_make_way(rehearsed: Rehearse) -> None:
     rehearsal = rehearsed()
     assert least_distance(rehearsal) > 0.9 * DISTANCE
     assert {step.outcome for step in rehearsal.steps} == {"done"}
 
 
-def test_making_way_takes_time(rehearsed: Callable[..., Rehearsal]) -> None:
+def test_making_way_takes_time(rehearsed: Rehearse) -> None:
     swap, straight = rehearsed(), rehearsed("avoider=none")
     assert least_distance(straight) < 0.1
     assert swap.time[-1] > straight.time[-1] + 0.2
 
 
-def test_goals_nearer_than_the_distance_are_reached(rehearsed: Callable[..., Rehearsal]) -> None:
+def test_goals_nearer_than_the_distance_are_reached(rehearsed: Rehearse) -> None:
     near = "mission.1.parallel.1.goto.to=[1.5, 0.4, 0.8]"
     rehearsal = rehearsed(near)
     assert {step.outcome for step in rehearsal.steps} == {"done"}
 
 
-def test_agents_in_the_way_do_not_end_a_rehearsal(rehearsed: Callable[..., Rehearsal]) -> None:
+def test_agents_in_the_way_do_not_end_a_rehearsal(rehearsed: Rehearse) -> None:
     same = "mission.1.parallel.1.goto.to=[1.5, 0, 0.8]"
     rehearsal = rehearsed(same, "limits.separation=0.1")
     assert rehearsal.duration is not None
 
 
-def test_drones_with_dynamics_take_longer(rehearsed: Callable[..., Rehearsal]) -> None:
+def test_drones_with_dynamics_take_longer(rehearsed: Rehearse) -> None:
     ideal, real = rehearsed("transport.controller=ideal"), rehearsed("transport.controller=pid")
     climbs = [each.steps[0].duration for each in (ideal, real)]
     assert climbs == pytest.approx([2.7, 3.6])
     assert real.time[-1] > ideal.time[-1] + 1.0
 
 
-def test_uncertain_agents_pass_farther_apart(rehearsed: Callable[..., Rehearsal]) -> None:
+def test_uncertain_agents_pass_farther_apart(rehearsed: Rehearse) -> None:
     exact = rehearsed("limits.uncertainty_margin=0")
     assert least_distance(rehearsed()) > least_distance(exact) + 0.05  # m

@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from pathlib import Path
+from collections.abc import Iterator
+from functools import partial
 from typing import Any
 
 import numpy as np
 import pytest
 
-from star_core import AgentPhase, PlannerSpec, Registry, hookimpl, load
-from star_core.toolkit import Rehearsal
+from star_core import AgentPhase, PlannerSpec, hookimpl
+from tests.plugins.commands.star_explain.conftest import HALL, Rehearse
 
-WORLD = """\
-star: 1
-name: hall
-fence: {low: [-9, -9, 0], high: [9, 9, 3]}
-obstacles: {block: {box: {centre: [1.5, 0], size: [1, 1]}, height: [0, 3]}}
-"""
+WORLD = HALL + "obstacles: {block: {box: {centre: [1.5, 0], size: [1, 1]}, height: [0, 3]}}\n"
 MISSION = """\
 star: 1
 name: past
@@ -50,28 +45,18 @@ class Broken:
 
 
 @pytest.fixture
-def rehearsed(tmp_path: Path) -> Callable[..., Rehearsal]:
-    """Return a function that rehearses `MISSION` with some changes."""
-    (tmp_path / "hall.yaml").write_text(WORLD)
-    (tmp_path / "past.yaml").write_text(MISSION)
-
-    def rehearse(*changes: str) -> Rehearsal:
-        registry = Registry(Broken)
-        mission = load(tmp_path / "past.yaml", registry, changes)
-        result: Rehearsal = registry.manager.hook.star_rehearse(mission=mission, registry=registry)
-        return result
-
-    return rehearse
+def rehearsed(rehearse: Rehearse) -> Rehearse:
+    return partial(rehearse, MISSION, world=WORLD, plugins=(Broken,))
 
 
-def test_the_planner_leads_around_obstacles(rehearsed: Callable[..., Rehearsal]) -> None:
+def test_the_planner_leads_around_obstacles(rehearsed: Rehearse) -> None:
     around, straight = rehearsed(), rehearsed("planner=straight")
     assert abs(around.position[:, 0, 1]).max() > 0.65  # m: half the block, and most of a clearance
     assert abs(straight.position[:, 0, 1]).max() < 0.01
     assert around.time[-1] > straight.time[-1]
 
 
-def test_agents_turn_at_the_yaw_rate_of_the_planner(rehearsed: Callable[..., Rehearsal]) -> None:
+def test_agents_turn_at_the_yaw_rate_of_the_planner(rehearsed: Rehearse) -> None:
     rehearsal = rehearsed(
         "planner={use: straight, yaw_rate_deg: 45}",
         "mission.1.goto={agents: a, to: [0, -2, 0.8], yaw_deg: 90}",
@@ -81,13 +66,13 @@ def test_agents_turn_at_the_yaw_rate_of_the_planner(rehearsed: Callable[..., Reh
     assert np.rad2deg(rehearsal.yaw[-1, 0]) == pytest.approx(90)
 
 
-def test_agents_fly_straight_once_a_planner_fails(rehearsed: Callable[..., Rehearsal]) -> None:
+def test_agents_fly_straight_once_a_planner_fails(rehearsed: Rehearse) -> None:
     rehearsal = rehearsed("planner=broken")
     assert abs(rehearsal.position[:, 0, 1]).max() < 0.01
     assert {step.outcome for step in rehearsal.steps} == {"done"}
 
 
-def test_reserves_relieve_agents_in_a_rehearsal(rehearsed: Callable[..., Rehearsal]) -> None:
+def test_reserves_relieve_agents_in_a_rehearsal(rehearsed: Rehearse) -> None:
     flies = rehearsed("planner=straight", *LOW).phase == AgentPhase.FLYING
     assert flies.any(axis=0).tolist() == [True, True]
     assert not (rehearsed("planner=straight").phase[:, 1] == AgentPhase.FLYING).any()

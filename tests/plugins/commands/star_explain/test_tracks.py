@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from pathlib import Path
+from functools import partial
 
 import numpy as np
 import pytest
 
-from star_core import AgentPhase, Registry, load
-from star_core.toolkit import Rehearsal
+from star_core import AgentPhase
+from tests.plugins.commands.star_explain.conftest import Rehearse
 
 MISSION = """\
 star: 1
@@ -26,25 +25,14 @@ mission:
   - goto: {agents: b, to: [5, 3, 0.8]}
   - land: {}
 """
-WORLD = "star: 1\nname: hall\nfence: {low: [-9, -9, 0], high: [9, 9, 3]}\n"
 
 
 @pytest.fixture
-def rehearsed(tmp_path: Path) -> Callable[..., Rehearsal]:
-    """Return a function that rehearses `MISSION` with some changes."""
-    (tmp_path / "hall.yaml").write_text(WORLD)
-    (tmp_path / "turns.yaml").write_text(MISSION)
-
-    def rehearse(*changes: str) -> Rehearsal:
-        registry = Registry()
-        mission = load(tmp_path / "turns.yaml", registry, changes)
-        result: Rehearsal = registry.manager.hook.star_rehearse(mission=mission, registry=registry)
-        return result
-
-    return rehearse
+def rehearsed(rehearse: Rehearse) -> Rehearse:
+    return partial(rehearse, MISSION)
 
 
-def test_agents_hover_where_their_last_step_ended(rehearsed: Callable[..., Rehearsal]) -> None:
+def test_agents_hover_where_their_last_step_ended(rehearsed: Rehearse) -> None:
     rehearsal = rehearsed()
     time, position, _, airborne = rehearsal.sampled(0.5)
     _, there, then, _ = rehearsal.steps
@@ -55,7 +43,7 @@ def test_agents_hover_where_their_last_step_ended(rehearsed: Callable[..., Rehea
     assert np.allclose(position[stays, 0], [5.0, 0.0, 0.8], atol=0.06)
 
 
-def test_repeated_steps_are_rehearsed_as_often(rehearsed: Callable[..., Rehearsal]) -> None:
+def test_repeated_steps_are_rehearsed_as_often(rehearsed: Rehearse) -> None:
     there = "{goto: {agents: a, to: [1, 0, 0.8]}}"
     back = "{goto: {agents: a, to: [0, 0, 0.8]}}"
     once, thrice = (
@@ -68,7 +56,7 @@ def test_repeated_steps_are_rehearsed_as_often(rehearsed: Callable[..., Rehearsa
     assert thrice.time[-1] - once.time[-1] == pytest.approx(2 * round_trip, abs=0.3)
 
 
-def test_tracks_have_the_phases_and_the_goals(rehearsed: Callable[..., Rehearsal]) -> None:
+def test_tracks_have_the_phases_and_the_goals(rehearsed: Rehearse) -> None:
     rehearsal = rehearsed()
     climb, there, *_, landing = rehearsal.steps
     phases = rehearsal.phase[rehearsal.during(climb), 0].tolist()
@@ -81,7 +69,7 @@ def test_tracks_have_the_phases_and_the_goals(rehearsed: Callable[..., Rehearsal
     assert landing.ended == rehearsal.time[-1] == rehearsal.duration
 
 
-def test_a_path_has_its_corners(rehearsed: Callable[..., Rehearsal]) -> None:
+def test_a_path_has_its_corners(rehearsed: Rehearse) -> None:
     rehearsal = rehearsed()
     path = rehearsal.path(rehearsal.steps[1], 0)
     assert len(path) == 2
