@@ -14,7 +14,6 @@ from star_core.errors import (
     ContractError,
     InputError,
     PluginError,
-    Problem,
     StarError,
     code_of,
     coded,
@@ -123,10 +122,6 @@ def test_an_error_ends_with_its_code_and_keeps_that_of_another(error: StarError,
 def test_brackets_of_a_message_are_no_code() -> None:
     assert coded("install star-swarm [radio]", "missing-package").endswith(" [missing-package]")
     assert coded("at [0, -1]", "out-of-range") == "at [0, -1] [out-of-range]"
-
-
-def test_a_problem_has_a_code() -> None:
-    assert Problem((), "wrong").code == "invalid-option"
 
 
 def test_the_command_explains_a_code(capsys: pytest.CaptureFixture[str]) -> None:

@@ -78,10 +78,6 @@ def hostile(hop: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return folder
 
 
-def _raw(text: str) -> list[str]:
-    return sorted({c for c in text if not c.isprintable() and c != "\n"})
-
-
 @pytest.mark.usefixtures("hostile", "in_process")
 def test_no_command_prints_control_characters(capfd: pytest.CaptureFixture[str]) -> None:
     assert {*Registry().offers()["command"]} == {*COMMANDS}

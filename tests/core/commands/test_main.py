@@ -76,15 +76,10 @@ def test_both_commands_are_installed() -> None:
 def test_arguments_default_to_the_command_line(said: Said, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "argv", ["star", "check", "hop.yaml"])
     assert main() == 0
-    assert said.readouterr().out == "hop.yaml: 'hop' can be flown, with 2 agents\n"
+    assert said.readouterr() == ("hop.yaml: 'hop' can be flown, with 2 agents\n", "")
 
 
 # star check
-
-
-def test_a_mission_that_can_be_flown_is_confirmed_in_a_line(said: Said) -> None:
-    assert main(["check", "hop.yaml"]) == 0
-    assert said.readouterr() == ("hop.yaml: 'hop' can be flown, with 2 agents\n", "")
 
 
 @pytest.mark.parametrize(
@@ -155,9 +150,6 @@ def test_a_file_that_missions_name_is_described_as_one(
     ("text", "fault"),
     [
         (WORLD.replace("low:", "lo:"), "3:9: fence: unknown key 'lo'; did you mean 'low'?"),
-        (WORLD.replace("high: [2", "high: [-3"), "3:8: the fence's low [-2, -2, 0] is not below"),
-        (WORLD + "obstacle: {}\n", "4:1: unknown key 'obstacle'; did you mean 'obstacles'?"),
-        (CAMERA.replace("480", "480.5"), "4:9: height: 480.5 is not a whole number"),
         (CAMERA.replace("640", "160"), "3:8: the principal point [169.27, 160.6] is outside"),
     ],
 )
@@ -170,36 +162,21 @@ def test_problems_in_referenced_files_are_reported(said: Said, text: str, fault:
 
 
 @pytest.mark.parametrize(
-    ("text", "fault"),
+    "text",
     [
-        (
-            "star: 1\nparameters: {}\nmission: [land: {}]\n",
-            "this is a file of steps, expected a mission; name a mission that includes it "
-            "[wrong-file]",
-        ),
-        (
-            "star: 1\nname: m\nmission: [land: {}]\n",
-            "this is a file of steps, expected a mission; name a mission that includes it; as a "
-            "mission it lacks world, swarm, transport, localizer, planner, avoider [wrong-file]",
-        ),
-        (
-            WORLD,
-            "this is a world, expected a mission; name a mission that is flown in it [wrong-file]",
-        ),
-        (CAMERA, "this is a camera, expected a mission; name a mission that has it [wrong-file]"),
-        (
-            STUDY,
-            "this is a study, expected a mission; `star ablate` checks and flies it [wrong-file]",
-        ),
+        "star: 1\nparameters: {}\nmission: [land: {}]\n",
+        "star: 1\nname: m\nmission: [land: {}]\n",
+        WORLD,
+        CAMERA,
+        STUDY,
     ],
 )
 @pytest.mark.parametrize("command", ["run", "explain"])
-def test_a_file_that_is_no_mission_is_not_flown(
-    said: Said, command: str, text: str, fault: str
-) -> None:
+def test_a_file_that_is_no_mission_is_not_flown(said: Said, command: str, text: str) -> None:
     Path("file.yaml").write_text(text)
     assert main([command, "file.yaml"]) == 2
-    assert said.readouterr() == ("", f"file.yaml:1:1: {fault}\n")
+    out, err = said.readouterr()
+    assert (out, err[:15], err[-13:]) == ("", "file.yaml:1:1: ", "[wrong-file]\n")
 
 
 def test_check_accepts_a_study(said: Said) -> None:
@@ -267,10 +244,6 @@ def test_a_step_that_is_set_is_flown(said: Said) -> None:
 
 def test_a_speed_changes_the_pace_and_nothing_else(said: Said) -> None:
     assert flown(said, "--speed", "1e6") == flown(said)
-
-
-def test_a_speed_limit_that_no_agent_reaches_is_flown(said: Said) -> None:
-    assert flown(said, "--set", "limits.speed=10")["outcome"] == "completed"
 
 
 # Signals
@@ -380,8 +353,6 @@ def test_verbose_shows_where_a_plugin_raised() -> None:
 
 # What is refused
 
-FENCE = "is outside the fence, from [-2, -2, 0] to [2, 2, 2] [outside-geofence]"
-
 
 @pytest.fixture
 def refused(said: Said) -> Callable[..., list[str]]:
@@ -414,17 +385,8 @@ def test_misspelt_repeated_set_options_get_a_suggestion(refused: Callable[..., l
     ("given", "line"),
     [
         ("avoider.horizn=1", "avoider 'orca': unknown option 'horizn'; did you mean 'horizon'?"),
-        (
-            "avoider.radius=-1",
-            "avoider 'orca': radius: -1 is not possible here, expected more than 0",
-        ),
-        ("avoider.radius=big", "avoider 'orca': radius: 'big' is a string, expected a number"),
-        ("transport=bluetooth", "no transport named 'bluetooth'; installed: "),
         ("mission.9.land={}", "'mission' has no item 9; the last is 1"),
-        ("mission.first={}", "'mission' is a list: expected an index in place of 'first'"),
         ("mission.0.takeoff.height=9", "9 m is outside the heights to fly at, from 0.2 to 1.8 m"),
-        ("swarm.cf1.start=[9, 9, 9]", f"start [9, 9, 9] {FENCE}"),
-        ("world=no.yaml", "no file 'no.yaml' in the mission's folder"),
         ("seed", "has no '=', expected path=value such as avoider.radius=0.3"),
         ("seed=", "has no value after the '='"),
         ("seed=[1", "'[' is not closed; add ']'"),
@@ -441,11 +403,8 @@ def test_invalid_set_values_are_reported_with_the_assignment(
     ("arguments", "line"),
     [
         (("--seed", "x"), "--set seed=x: seed: 'x' is a string, expected a whole number"),
-        (("--seed", "1.5"), "--set seed=1.5: seed: 1.5 is not a whole number"),
-        (("--seed", "-1"), "--set seed=-1: seed: -1 is less than the minimum of 0"),
         (("--seed", ""), "--set seed=: has no value after the '='"),
         (("--speed", "fast"), "--set transport.speed=fast: transport 'sim': speed: 'fast' is a "),
-        (("--speed", "0"), "--set transport.speed=0: transport 'sim': speed: 0 is not possible "),
     ],
 )
 def test_a_seed_or_a_speed_that_is_none_is_refused(
@@ -474,7 +433,7 @@ def test_an_unknown_command_is_refused_with_a_list(
 @pytest.mark.parametrize(
     ("arguments", "named"),
     [
-        (("run", "hop.yaml", "--sed", "3"), "--sed"),
+        (("run", "hop.yaml", "--sed", "3"), "did you mean '--seed'?"),
         (("check", "hop.yaml", "--no-record"), "--no-record"),
         (("run",), "mission"),
         (("run", "hop.yaml", "--set"), "--set"),
@@ -486,10 +445,6 @@ def test_what_the_command_line_has_too_much_or_lacks_is_named(
     refused: Callable[..., list[str]], arguments: tuple[str, ...], named: str
 ) -> None:
     assert named in refused(*arguments)[-1]
-
-
-def test_misspelt_command_options_get_a_suggestion(refused: Callable[..., list[str]]) -> None:
-    assert "did you mean '--seed'?" in refused("run", "hop.yaml", "--sed", "3")[-1]
 
 
 class Chatty:

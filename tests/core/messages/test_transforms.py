@@ -33,13 +33,6 @@ def test_the_inverse_undoes_a_motion(motion: Transform, where: Array) -> None:
     assert motion.apply(motion.inverse().apply(where)) == pytest.approx(where, abs=CLOSE)
 
 
-@given(transforms(2))
-def test_the_inverse_of_the_inverse_is_the_motion(motion: Transform) -> None:
-    again = motion.inverse().inverse()
-    assert again.yaw == pytest.approx(motion.yaw)
-    assert again.translation == pytest.approx(motion.translation, abs=CLOSE)
-
-
 @given(transforms(2), transforms(2), points(2))
 def test_two_motions_in_a_row_are_one(first: Transform, second: Transform, where: Array) -> None:
     both = Transform(first.yaw + second.yaw, second.apply(first.translation))
@@ -48,19 +41,9 @@ def test_two_motions_in_a_row_are_one(first: Transform, second: Transform, where
 
 @given(transforms(2), points(2))
 def test_turning_back_undoes_turning(motion: Transform, vectors: Array) -> None:
-    assert motion.turn_back(motion.turn(vectors)) == pytest.approx(vectors, abs=CLOSE)
-
-
-@given(transforms(2), points(2))
-def test_turning_keeps_height_and_length(motion: Transform, vectors: Array) -> None:
     turned = motion.turn(vectors)
+    assert motion.turn_back(turned) == pytest.approx(vectors, abs=CLOSE)
     assert turned[:, 2].tolist() == vectors[:, 2].tolist()
-    assert np.linalg.norm(turned, axis=1) == pytest.approx(np.linalg.norm(vectors, axis=1))
-
-
-@given(transforms(3), points(3))
-def test_applying_is_turning_and_then_shifting(motion: Transform, where: Array) -> None:
-    assert motion.apply(where) == pytest.approx(motion.turn(where) + motion.translation)
 
 
 @given(transforms(3), points(3))

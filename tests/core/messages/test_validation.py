@@ -24,7 +24,6 @@ from star_core import (
     Transform,
     Transport,
 )
-from star_core.messages.arrays import require_type
 from star_core.pipeline import renewed
 from star_core.plugin_support.guard import require_methods, require_signature
 from star_core.plugin_support.outputs import (
@@ -57,23 +56,6 @@ def refused(check: Callable[..., Any], *arguments: Any) -> str:
     with pytest.raises(ContractError) as caught:
         check(*arguments)
     return str(caught.value)
-
-
-def test_an_answer_of_the_right_kind_is_handed_on() -> None:
-    assert require_type(GOOD, Estimate) is GOOD
-
-
-@pytest.mark.parametrize(
-    ("answer", "message"),
-    [
-        (None, "returned NoneType, expected Estimate [contract-broken]"),
-        (TWO, "returned ndarray, expected Estimate [contract-broken]"),
-        (SETPOINT, "returned Setpoint, expected Estimate [contract-broken]"),
-        (Estimate, "returned type, expected Estimate [contract-broken]"),
-    ],
-)
-def test_an_answer_of_another_kind_is_refused(answer: object, message: str) -> None:
-    assert refused(require_type, answer, Estimate) == message
 
 
 def test_a_part_that_lacks_methods_is_refused_with_their_names() -> None:
@@ -126,35 +108,26 @@ def test_compatible_or_unknown_signatures_are_accepted(function: Callable[..., A
 
 
 @pytest.mark.parametrize(
-    ("changes", "message"),
+    ("changes", "value"),
     [
-        (
-            {"position": HOLE},
-            "Estimate.position of row 1 is [1.0, nan, inf], expected numbers [contract-broken]",
-        ),
-        (
-            {"velocity": HOLE},
-            "Estimate.velocity of row 1 is [1.0, nan, inf], expected numbers [contract-broken]",
-        ),
-        (
-            {"yaw": [np.nan, 0.0]},
-            "Estimate.yaw of row 0 is nan, expected numbers [contract-broken]",
-        ),
+        ({"position": HOLE}, "position of row 1 is [1.0, nan, inf]"),
+        ({"velocity": HOLE}, "velocity of row 1 is [1.0, nan, inf]"),
+        ({"yaw": [np.nan, 0.0]}, "yaw of row 0 is nan"),
+        ({"covariance": np.full((2, 3, 3), np.nan)}, "covariance of row 0 is "),
         (
             {"map_from_odom": Transform(np.array([0.0, np.inf]), TWO)},
-            "Estimate.map_from_odom.yaw of row 1 is inf, expected numbers [contract-broken]",
+            "map_from_odom.yaw of row 1 is inf",
         ),
         (
             {"map_from_odom": Transform(np.zeros(2), HOLE)},
-            "Estimate.map_from_odom.translation of row 1 is [1.0, nan, inf], expected numbers"
-            " [contract-broken]",
+            "map_from_odom.translation of row 1 is [1.0, nan, inf]",
         ),
     ],
 )
 def test_an_estimate_that_is_valid_and_no_number_is_refused(
-    changes: dict[str, Any], message: str
+    changes: dict[str, Any], value: str
 ) -> None:
-    assert refused(checked_estimate, replace(GOOD, **changes), 2) == message
+    assert refused(checked_estimate, replace(GOOD, **changes), 2).startswith(f"Estimate.{value}")
 
 
 def test_an_estimate_may_hold_anything_where_it_is_not_valid() -> None:
@@ -168,29 +141,21 @@ def test_an_estimate_of_another_swarm_is_refused() -> None:
 
 
 @pytest.mark.parametrize(
-    ("changes", "message"),
+    ("changes", "value"),
     [
-        (
-            {"velocity": HOLE},
-            "Setpoint.velocity of row 1 is [1.0, nan, inf], expected numbers [contract-broken]",
-        ),
-        (
-            {"yaw": [0.0, np.inf]},
-            "Setpoint.yaw of row 1 is inf, expected numbers [contract-broken]",
-        ),
+        ({"velocity": HOLE}, "velocity of row 1 is [1.0, nan, inf]"),
+        ({"yaw": [0.0, np.inf]}, "yaw of row 1 is inf"),
     ],
 )
-@pytest.mark.parametrize("planned", [False, True])
 def test_a_setpoint_that_is_active_and_no_number_is_refused(
-    changes: dict[str, Any],
-    message: str,
-    planned: bool,  # noqa: FBT001 -- whether a planner gave it
+    changes: dict[str, Any], value: str
 ) -> None:
     hole = replace(SETPOINT, **changes)
-    if planned:
-        assert refused(checked_plan, replace(PLAN, setpoint=hole), 2) == message
-    else:
-        assert refused(checked_setpoint, hole, 2) == message
+    for message in (
+        refused(checked_setpoint, hole, 2),
+        refused(checked_plan, replace(PLAN, setpoint=hole), 2),
+    ):
+        assert message == f"Setpoint.{value}, expected numbers [contract-broken]"
 
 
 def test_a_setpoint_may_hold_anything_where_it_is_not_active() -> None:
@@ -218,11 +183,6 @@ def test_a_path_of_an_agent_that_there_is_not_is_refused(agent: int) -> None:
 )
 def test_no_answer_is_refused(check: Callable[..., Any], kind: str) -> None:
     assert refused(check, None, 2) == f"returned NoneType, expected {kind} [contract-broken]"
-
-
-def test_covariances_of_valid_rows_are_numbers() -> None:
-    broken = replace(GOOD, covariance=np.full((2, 3, 3), np.nan))
-    assert refused(checked_estimate, broken, 2).startswith("Estimate.covariance of row 0 is")
 
 
 def test_sightings_are_of_agents_that_exist() -> None:

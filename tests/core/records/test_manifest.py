@@ -89,17 +89,12 @@ def unpacked(kept: dict[str, Any], folder: Path) -> Path:
     return folder / "mission.json"
 
 
-def test_flights_from_a_manifest_repeat_the_flight(tmp_path: Path) -> None:
+def test_flights_from_a_manifest_repeat_flight_and_manifest(tmp_path: Path) -> None:
     changes = ("--seed", "11", "--set", "mission.1.goto.to.2=0.6", "--set", "rate=25")
     kept, summary = flown(Path("m.yaml"), *changes)
-    _, again = flown(unpacked(kept, tmp_path / "elsewhere"), out="again")
-    assert again == summary
+    again, repeated = flown(unpacked(kept, tmp_path / "elsewhere"), out="again")
+    assert repeated == summary
     assert summary["seed"] == 11
-
-
-def test_repeated_flights_keep_the_manifest_except_file_paths(tmp_path: Path) -> None:
-    kept, _ = flown(Path("m.yaml"))
-    again, _ = flown(unpacked(kept, tmp_path / "elsewhere"), out="again")
     files = {"mission_file", "world_file"}
     assert {k: again[k] for k in again.keys() - files} == {k: kept[k] for k in kept.keys() - files}
 
@@ -121,26 +116,16 @@ def test_manifest_keeps_mission_and_world_as_flown() -> None:
     assert (kept["mission_file"], kept["world_file"]) == ("m.yaml", "worlds/room.yaml")
 
 
-def test_the_seed_that_a_mission_leaves_out_is_kept() -> None:
-    assert manifest(load(Path("m.yaml"), Registry()), Registry())["seed"] == 0
-
-
 def test_manifest_keeps_each_plugin_with_options_and_source() -> None:
-    kept = manifest(load(Path("m.yaml"), Registry()), Registry())["plugins"]
-    own = version("star-swarm")
-    assert kept["transport"] == {
+    kept = manifest(load(Path("m.yaml"), Registry()), Registry())
+    assert kept["seed"] == 0
+    assert kept["plugins"].keys() >= {"transport", "localizer", "planner", "avoider"}
+    assert kept["plugins"]["transport"] == {
         "name": "sim",
         "options": {"battery": 0.9},
         "plugin": "star-swarm:sim",
-        "version": own,
+        "version": version("star-swarm"),
     }
-    assert kept["localizer"] == {
-        "name": "flow",
-        "options": {},
-        "plugin": "star-swarm:flow",
-        "version": own,
-    }
-    assert kept.keys() >= {"transport", "localizer", "planner", "avoider"}
 
 
 class Nudger:
@@ -165,8 +150,3 @@ def test_manifest_keeps_the_versions_of_all_dependencies() -> None:
     kept = packages()
     assert {name.replace(".", "-") for name in kept} == {"star-swarm", *needed}
     assert all(found == version(name) for name, found in kept.items())
-
-
-def test_the_manifest_can_be_written_as_json() -> None:
-    kept = manifest(load(Path("m.yaml"), Registry()), Registry())
-    assert json.loads(json.dumps(kept, allow_nan=False)) == kept
