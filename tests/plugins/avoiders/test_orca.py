@@ -68,11 +68,15 @@ def turned(vectors: Array, angle: float) -> Array:
     return np.asarray(vectors @ np.array([[cos, sin, 0], [-sin, cos, 0], [0, 0, 1]]))
 
 
-@given(seeds, st.floats(0, 2 * np.pi))
-def test_turning_the_room_turns_the_answer(seed: int, angle: float) -> None:
+both_turns = pytest.mark.parametrize("turn", [0.0, 0.1])  # without and with the rule of the road
+
+
+@both_turns
+@given(seed=seeds, angle=st.floats(0, 2 * np.pi))
+def test_turning_the_room_turns_the_answer(turn: float, seed: int, angle: float) -> None:
     state = crowd(20, seed)
-    answer = ask(*(turned(table, angle) for table in state))
-    assert answer == pytest.approx(turned(ask(*state), angle), abs=1e-6)
+    answer = ask(*(turned(table, angle) for table in state), turn=turn)
+    assert answer == pytest.approx(turned(ask(*state, turn=turn), angle), abs=1e-6)
 
 
 @given(seeds, st.tuples(st.floats(-50, 50), st.floats(-50, 50), st.floats(-50, 50)))
@@ -82,11 +86,13 @@ def test_it_does_not_matter_where_the_origin_is(seed: int, shift: tuple[float, .
     assert answer == pytest.approx(ask(position, velocity, wish), abs=1e-6)
 
 
-@given(seeds)
-def test_it_does_not_matter_which_row_an_agent_has(seed: int) -> None:
+@both_turns
+@given(seed=seeds)
+def test_answers_do_not_depend_on_rows_nor_on_cells(turn: float, seed: int) -> None:
     state = crowd(60, seed)
     order = np.random.default_rng(seed).permutation(60)
-    assert ask(*(table[order] for table in state)) == pytest.approx(ask(*state)[order], abs=1e-6)
+    answer = ask(*(table[order] for table in state), turn=turn)
+    assert answer == pytest.approx(ask(*state, turn=turn)[order], abs=1e-6)
 
 
 @given(seeds)
@@ -179,21 +185,6 @@ def test_one_that_crosses_ahead_to_the_right_is_passed_behind() -> None:
 
 def test_one_that_crosses_behind_to_the_right_is_passed_ahead() -> None:
     assert meeting(0.5, 1.5, (0.0, -0.2)) == pytest.approx(0.1)
-
-
-@given(seeds, st.floats(0, 2 * np.pi))
-def test_the_rule_of_the_road_turns_with_the_room(seed: int, angle: float) -> None:
-    state = crowd(20, seed)
-    answer = ask(*(turned(table, angle) for table in state), turn=0.1)
-    assert answer == pytest.approx(turned(ask(*state, turn=0.1), angle), abs=1e-6)
-
-
-@given(seeds)
-def test_lanes_do_not_depend_on_rows_nor_on_cells(seed: int) -> None:
-    state = crowd(60, seed)
-    order = np.random.default_rng(seed).permutation(60)
-    answer = ask(*(table[order] for table in state), turn=0.1)
-    assert answer == pytest.approx(ask(*state, turn=0.1)[order], abs=1e-6)
 
 
 FAR_WALL = ((-9.0, -0.5), (-8.9, -0.5), (-8.9, 0.5), (-9.0, 0.5))

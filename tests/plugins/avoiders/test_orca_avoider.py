@@ -140,11 +140,6 @@ def test_agents_one_above_the_other_do_not_avoid_each_other() -> None:
     assert (orca(wider).avoid(now, wish).velocity != wish.velocity).any()
 
 
-def test_a_lone_agent_gets_its_wish_to_the_bit() -> None:
-    wish = wanted(np.array([[0.3, -0.3, 0.2]]))
-    assert (orca(scene(1)).avoid(estimate(HEAD_ON[:1]), wish).velocity == wish.velocity).all()
-
-
 def test_empty_is_sent_faster_than_the_scene_allows() -> None:
     wish = wanted(np.array([[3.0, 4.0, 0.0]]))
     safe = orca(scene(1, limits=Limits(speed=0.7)), response=0.0).avoid(estimate(HEAD_ON[:1]), wish)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 import math
 import subprocess
 import sys
@@ -18,7 +17,6 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from jsonschema import Draft202012Validator
 
 import star_straight
 import star_visibility
@@ -403,25 +401,6 @@ def test_rows_without_a_goal_or_an_estimate_are_idle() -> None:
     assert plan.setpoint.velocity[[0, 2]].tolist() == [[0.0] * 3] * 2
     assert set(plan.paths.agent.tolist()) == {1}
     assert plan.unreachable.tolist() == [False] * 3
-
-
-def test_two_flights_are_the_same_to_the_bit() -> None:
-    blocked = room(BLOCK)
-    one, other = (
-        [place for place, _ in flown(planner(blocked), blocked, HERE, goals(THERE), 8, noise=0.02)]
-        for _ in range(2)
-    )
-    assert np.array_equal(one, other)
-
-
-def test_the_schema_is_a_schema_with_defaults_and_descriptions() -> None:
-    (offer,) = star_visibility.star_planners()
-    Draft202012Validator.check_schema(offer.options)
-    made = inspect.signature(type(planner(room())).__init__).parameters
-    assert set(made) - {"self", "scene"} == set(offer.options["properties"])
-    for option in offer.options["properties"].values():
-        assert option["description"]
-        assert "default" in option
 
 
 def problems(given: Scene) -> list[str]:

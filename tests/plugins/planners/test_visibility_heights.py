@@ -210,6 +210,22 @@ def test_routes_are_free_and_as_complete_as_a_grid_search(
     both_agree(crowd, start, goal)
 
 
+@given(crowds(), places, places)
+def test_the_way_back_is_as_long(
+    crowd: list[Obstacle], start: tuple[float, ...], goal: tuple[float, ...]
+) -> None:
+    assume((gap(crowd, np.array([start, goal])) > 0.03).all())
+    finder = routes(*crowd)
+    there, back = (
+        finder.route(np.array(a), np.array(b)) for a, b in ((start, goal), (goal, start))
+    )
+    assert isinstance(there, str) is isinstance(back, str)
+    if not isinstance(there, str) and not isinstance(back, str):
+        assert length(np.vstack([start, there])) == pytest.approx(
+            length(np.vstack([goal, back])), abs=1e-6
+        )
+
+
 @pytest.mark.campaign
 @settings(max_examples=1500)
 @given(crowds(), places, places)

@@ -93,15 +93,6 @@ def test_the_point_waits_while_its_agent_is_not_located(make: Any, fly: Any) -> 
     assert flown.status is Status.SUCCESS
 
 
-def test_it_waits_until_all_are_located(make: Any, fly: Any) -> None:
-    room = scene(2)
-    task = make("follow", room, (0, 1), **CIRCLE)
-    start = [[1.0, 0.0, 0.8], [-1.0, 0.0, 0.8]]
-    flown = fly(task, room, start, located=lambda time: np.array([True, time >= 1.0]))
-    assert flown.goals[19] is None
-    assert flown.status is Status.SUCCESS
-
-
 def test_several_agents_stay_evenly_apart(make: Any, fly: Any) -> None:
     room = scene(2)
     task = make("follow", room, (0, 1), **CIRCLE)
@@ -141,12 +132,6 @@ def test_looking_along_turns_with_the_path_but_not_too_fast(make: Any, fly: Any)
     assert turned.max() <= np.radians(60) * room.period + 1e-9
     assert yaw[60] == pytest.approx(0.0)  # along the first side
     assert np.degrees(yaw[200]) == pytest.approx(90.0)  # along the second
-
-
-def test_a_fixed_heading_stays(make: Any, fly: Any) -> None:
-    room = scene(1)
-    flown = fly(make("follow", room, (0,), **BOX), room, CORNER)
-    assert {goals.yaw[0] for goals in flown.goals} == {0.0}
 
 
 def test_a_file_is_flown_with_its_heading(make: Any, fly: Any, tmp_path: Path) -> None:
@@ -217,26 +202,35 @@ def test_agents_without_room_on_the_path_are_a_problem(problems: Any) -> None:
     )
 
 
-def test_a_file_and_a_path_is_a_problem(problems: Any) -> None:
-    found = problems("follow", scene(1), (0,), **BOX, file="path.csv")
-    assert found == [(("path",), "'path' does not go with 'file', expected one of them")]
-
-
-def test_neither_a_file_nor_a_path_is_a_problem(problems: Any) -> None:
-    assert problems("follow", scene(1), (0,)) == [((), "expected 'file' or 'path'")]
-
-
-def test_a_path_without_size_and_centre_is_a_problem(problems: Any) -> None:
-    assert problems("follow", scene(1), (0,), path="circle") == [
-        ((), "path 'circle' needs 'size'"),
-        ((), "path 'circle' needs 'centre'"),
-    ]
-
-
-def test_laps_of_a_file_are_a_problem(problems: Any) -> None:
-    assert problems("follow", scene(1), (0,), file="path.csv", laps=2) == [
-        (("laps",), "'laps' goes with 'path' only, not with 'file'")
-    ]
+@pytest.mark.parametrize(
+    ("options", "expected"),
+    [
+        (
+            {**BOX, "file": "path.csv"},
+            [(("path",), "'path' does not go with 'file', expected one of them")],
+        ),
+        ({}, [((), "expected 'file' or 'path'")]),
+        (
+            {"path": "circle"},
+            [((), "path 'circle' needs 'size'"), ((), "path 'circle' needs 'centre'")],
+        ),
+        (
+            {"file": "path.csv", "laps": 2},
+            [(("laps",), "'laps' goes with 'path' only, not with 'file'")],
+        ),
+        (
+            {"file": "path.csv", "timescale": 2.0, "on_board": True},
+            [
+                (("timescale",), "'timescale' goes with 'format: timed' or 'poly7' only"),
+                (("on_board",), "'on_board' goes with 'format: timed' or 'poly7' only"),
+            ],
+        ),
+    ],
+)
+def test_conflicting_options_are_refused(
+    problems: Any, options: dict[str, Any], expected: list[Any]
+) -> None:
+    assert problems("follow", scene(1), (0,), **options) == expected
 
 
 def test_what_is_wrong_with_a_file_is_a_problem(problems: Any, tmp_path: Path) -> None:

@@ -127,13 +127,6 @@ def test_a_good_trajectory_is_no_problem(problems: Any, room: Scene) -> None:
     assert problems("follow", room, (0, 1), **ON_BOARD) == []
 
 
-def test_waypoints_cannot_be_flown_on_board(problems: Any, tmp_path: Path) -> None:
-    room = with_file(tmp_path, "x,y,z\n0,0,1\n1,0,1\n")
-    assert problems("follow", room, (0,), file="path.csv", on_board=True) == [
-        (("on_board",), "'on_board' goes with 'format: timed' or 'poly7' only")
-    ]
-
-
 @pytest.mark.parametrize(("pieces", "fits"), [(31, True), (32, False)])
 def test_more_pieces_than_a_crazyflie_holds_are_a_problem(
     problems: Any, tmp_path: Path, pieces: int, fits: bool  # noqa: FBT001 -- what is expected

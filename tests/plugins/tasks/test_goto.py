@@ -139,33 +139,36 @@ def test_a_good_goal_is_no_problem(problems: Any) -> None:
     assert problems("goto", scene(3), (0, 1, 2), to=[0.0, 0.0, 0.8]) == []
 
 
-def test_a_goal_in_an_obstacle_is_a_problem(problems: Any) -> None:
-    room = replace(scene(1), world=HALL)
-    assert problems("goto", room, (0,), to=[2.0, 0.0, 0.8]) == [
-        (("to",), "[2, 0, 0.8] is inside obstacle 'pillar'")
-    ]
-
-
-def test_every_position_around_the_goal_must_be_free(problems: Any) -> None:
-    room = replace(scene(2), world=HALL)
-    assert problems("goto", room, (0, 1), to=[1.7, 0.0, 0.8]) == [
-        (("to",), "position 2 of 2: [2, 0, 0.8] is inside obstacle 'pillar'")
-    ]
-
-
-def test_a_goal_above_the_limits_is_a_problem(problems: Any) -> None:
-    ((path, message),) = problems("goto", scene(1), (0,), to=[0.0, 0.0, 2.0])
-    assert path == ("to",)
-    assert message == "[0, 0, 2] is outside the heights to fly at, from 0.2 to 1.8 m"
-
-
-def test_neither_a_point_nor_an_offset_is_a_problem(problems: Any) -> None:
-    assert problems("goto", scene(1), (0,)) == [((), "expected 'to' or 'by'")]
-
-
-def test_both_a_point_and_an_offset_is_a_problem(problems: Any) -> None:
-    found = problems("goto", scene(1), (0,), to=[0.0, 0.0, 0.8], by=[0.0, 0.0, 0.1])
-    assert found == [(("by",), "'by' does not go with 'to', expected one of them")]
+@pytest.mark.parametrize(
+    ("n", "options", "path", "message"),
+    [
+        (1, {"to": [2.0, 0.0, 0.8]}, ("to",), "[2, 0, 0.8] is inside obstacle 'pillar'"),
+        (
+            2,
+            {"to": [1.7, 0.0, 0.8]},
+            ("to",),
+            "position 2 of 2: [2, 0, 0.8] is inside obstacle 'pillar'",
+        ),
+        (
+            1,
+            {"to": [0.0, 0.0, 2.0]},
+            ("to",),
+            "[0, 0, 2] is outside the heights to fly at, from 0.2 to 1.8 m",
+        ),
+        (1, {}, (), "expected 'to' or 'by'"),
+        (
+            1,
+            {"to": [0.0, 0.0, 0.8], "by": [0.0, 0.0, 0.1]},
+            ("by",),
+            "'by' does not go with 'to', expected one of them",
+        ),
+    ],
+)
+def test_goals_that_cannot_be_flown_to_are_refused(
+    problems: Any, n: int, options: dict[str, Any], path: tuple[str, ...], message: str
+) -> None:
+    room = replace(scene(n), world=HALL)
+    assert problems("goto", room, tuple(range(n)), **options) == [(path, message)]
 
 
 HOP = """\

@@ -35,19 +35,6 @@ def test_the_time_counts_from_arrival(make: Any, fly: Any) -> None:
     assert flown.time == pytest.approx(there.time + 3.0)
 
 
-def test_several_agents_spread_around_the_point(make: Any, fly: Any) -> None:
-    room = scene(2)
-    flown = fly(make("hold", room, (0, 1), at=[0.0, 2.0, 1.0], spacing=0.8), room, AIR)
-    assert flown.end.mean(axis=0) == pytest.approx([0.0, 2.0, 1.0], abs=0.1)
-    assert np.linalg.norm(flown.end[0] - flown.end[1]) == pytest.approx(0.8, abs=0.2)
-
-
-def test_agents_turn_to_the_heading(make: Any, fly: Any) -> None:
-    room = scene(1)
-    flown = fly(make("hold", room, (0,), yaw_deg=90, **{"for": 3.0}), room, AIR[:1])
-    assert flown.yaw[-1] == pytest.approx([np.pi / 2])
-
-
 def test_the_time_does_not_begin_before_all_are_located(make: Any, fly: Any) -> None:
     room = scene(1)
     task = make("hold", room, (0,), **{"for": 1.0})
@@ -78,7 +65,3 @@ def test_a_point_that_cannot_be_held_is_a_problem(problems: Any) -> None:
     ((path, message),) = problems("hold", room, (0,), at=[0.0, 0.0, 0.2])
     assert path == ("at",)
     assert message == "[0, 0, 0.2] is outside the heights to fly at, from 0.5 to 1 m"
-
-
-def test_holding_where_one_is_has_no_problem(problems: Any) -> None:
-    assert problems("hold", scene(2), (0, 1), **{"for": 2.0}) == []

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+import pytest
+
 from star_core import Limits, Obstacle, Scene
 from star_core.testing import scene
 from star_core.toolkit import fill_defaults
@@ -30,54 +32,69 @@ def test_a_formation_that_can_be_flown_has_no_problem() -> None:
     assert problems_of(shape="circle", centre=CENTRE, radius=1.0, move=move) == []
 
 
-def test_a_line_needs_a_centre() -> None:
-    assert problems_of(shape="line") == [((), "shape 'line' needs 'centre'")]
-
-
-def test_points_are_needed() -> None:
-    assert problems_of(shape="points", centre=CENTRE) == [((), "shape 'points' needs 'points'")]
-
-
-def test_a_line_has_no_radius() -> None:
-    ((path, message),) = problems_of(shape="line", centre=CENTRE, radius=1.0)
-    assert path == ("radius",)
-    assert message == "'radius' goes with shape 'circle', not with 'line'"
-
-
-def test_points_have_no_spacing() -> None:
-    ((path, message),) = problems_of(shape="points", points=[CENTRE] * 3, spacing=1.0)
-    assert path == ("spacing",)
-    assert message == "'spacing' goes with shape 'line' or 'grid' or 'circle', not with 'points'"
-
-
-def test_a_circle_has_a_radius_or_a_spacing() -> None:
-    ((path, message),) = problems_of(shape="circle", centre=CENTRE, radius=1.0, spacing=0.5)
-    assert path == ("spacing",)
-    assert message == "'spacing' does not go with 'radius', expected one of them"
-
-
-def test_two_points_are_too_few_for_three_agents() -> None:
-    ((path, message),) = problems_of(shape="points", points=[[0, 0, 1], [1, 0, 1]])
-    assert path == ("points",)
-    assert message == "there are 2 points, expected one for each of 3"
-
-
-def test_a_grid_of_two_positions_is_too_small_for_three_agents() -> None:
-    ((path, message),) = problems_of(shape="grid", centre=CENTRE, rows=1, columns=2)
-    assert path == ("rows",)
-    assert message == "1 x 2 positions are 2, expected 3: one for each agent"
-
-
-def test_positions_outside_the_fence_are_reported_with_number() -> None:
-    ((path, message),) = problems_of(shape="line", centre=[9.5, 0.0, 0.8], spacing=1.0)
-    assert path == ("centre",)
-    assert message.startswith("position 3 of 3: [10.5, 0, 0.8] is outside the fence")
-
-
-def test_a_point_outside_the_heights_is_reported_at_its_index() -> None:
-    ((path, message),) = problems_of(shape="points", points=[[0, 0, 1], [1, 0, 5], [2, 0, 1]])
-    assert path == ("points", 1)
-    assert message == "[1, 0, 5] is outside the heights to fly at, from 0.2 to 1.8 m"
+@pytest.mark.parametrize(
+    ("options", "path", "message"),
+    [
+        ({"shape": "line"}, (), "shape 'line' needs 'centre'"),
+        ({"shape": "points", "centre": CENTRE}, (), "shape 'points' needs 'points'"),
+        (
+            {"shape": "line", "centre": CENTRE, "radius": 1.0},
+            ("radius",),
+            "'radius' goes with shape 'circle', not with 'line'",
+        ),
+        (
+            {"shape": "points", "points": [CENTRE] * 3, "spacing": 1.0},
+            ("spacing",),
+            "'spacing' goes with shape 'line' or 'grid' or 'circle', not with 'points'",
+        ),
+        (
+            {"shape": "circle", "centre": CENTRE, "radius": 1.0, "spacing": 0.5},
+            ("spacing",),
+            "'spacing' does not go with 'radius', expected one of them",
+        ),
+        (
+            {"shape": "points", "points": [[0, 0, 1], [1, 0, 1]]},
+            ("points",),
+            "there are 2 points, expected one for each of 3",
+        ),
+        (
+            {"shape": "grid", "centre": CENTRE, "rows": 1, "columns": 2},
+            ("rows",),
+            "1 x 2 positions are 2, expected 3: one for each agent",
+        ),
+        (
+            {"shape": "line", "centre": [9.5, 0.0, 0.8], "spacing": 1.0},
+            ("centre",),
+            "position 3 of 3: [10.5, 0, 0.8] is outside the fence",
+        ),
+        (
+            {"shape": "points", "points": [[0, 0, 1], [1, 0, 5], [2, 0, 1]]},
+            ("points", 1),
+            "[1, 0, 5] is outside the heights to fly at, from 0.2 to 1.8 m",
+        ),
+        (
+            {"shape": "line", "centre": CENTRE, "spacing": 0.1},
+            ("spacing",),
+            "positions are 0.10 m from each other, expected at least limits.separation, 0.2 m",
+        ),
+        (
+            {"shape": "circle", "centre": CENTRE, "radius": 0.1},
+            ("radius",),
+            "positions are 0.17 m from each other",
+        ),
+        (
+            {"shape": "points", "points": [[0, 0, 1], [1, 0, 1], [0, 0.1, 1]]},
+            ("points", 2),
+            "positions are 0.10 m from point 1",
+        ),
+    ],
+)
+def test_a_formation_that_cannot_be_flown_is_refused(
+    options: dict[str, Any], path: tuple[str | int, ...], message: str
+) -> None:
+    (problem,) = problems_of(**options)
+    assert problem[0] == path
+    assert problem[1].startswith(message)
 
 
 def test_a_position_in_an_obstacle_is_refused() -> None:
@@ -98,25 +115,6 @@ def test_a_move_through_an_obstacle_is_refused() -> None:
 def test_a_move_out_of_the_fence_is_reported_for_each_position() -> None:
     problems = problems_of(shape="line", centre=CENTRE, spacing=1.0, move={"to": [9.5, 0.0, 0.8]})
     assert [path for path, _ in problems] == [("move", "to")]
-
-
-def test_positions_closer_than_the_separation_are_refused() -> None:
-    ((path, message),) = problems_of(shape="line", centre=CENTRE, spacing=0.1)
-    assert path == ("spacing",)
-    assert message == (
-        "positions are 0.10 m from each other, expected at least limits.separation, 0.2 m"
-    )
-
-
-def test_a_circle_that_is_too_small_is_reported_at_its_radius() -> None:
-    ((path, _),) = problems_of(shape="circle", centre=CENTRE, radius=0.1)
-    assert path == ("radius",)
-
-
-def test_points_too_close_are_reported_at_the_later_point() -> None:
-    ((path, message),) = problems_of(shape="points", points=[[0, 0, 1], [1, 0, 1], [0, 0.1, 1]])
-    assert path == ("points", 2)
-    assert message.startswith("positions are 0.10 m from point 1")
 
 
 def test_without_separation_positions_may_be_close() -> None:

@@ -128,17 +128,12 @@ def test_agents_are_sent_to_the_goals(external: Make, connect: Connect) -> None:
     assert (given.yaw[1], given.speed[1]) == (1.0, 0.3)
 
 
-def test_the_default_speed_of_a_goal_is_the_missions_limit(
-    external: Make, connect: Connect
-) -> None:
-    client, task = connect(), begun(external(lockstep=False))
-    assert goals(flying(task, client, SOMEWHERE)).speed[0] == 0.5
-
-
 def test_a_goal_stays_until_there_is_another(external: Make, connect: Connect) -> None:
     client, task = connect(), begun(external(lockstep=False))
     flying(task, client, SOMEWHERE)
-    assert goals(step(task, 0.05)).position[0].tolist() == [0.5, 0.5, 1.0]
+    kept = goals(step(task, 0.05))
+    assert kept.position[0].tolist() == [0.5, 0.5, 1.0]
+    assert kept.speed[0] == 0.5  # the mission's limit
 
 
 def test_a_step_ends_when_the_client_is_done(external: Make, connect: Connect) -> None:

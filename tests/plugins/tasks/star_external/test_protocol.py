@@ -50,111 +50,68 @@ def refused(value: Any) -> str:
     return str(error.value).removesuffix(" [invalid-message]")
 
 
-def wrong_goal(**goal: Any) -> str:
-    return refused({"goals": {"cf1": {"position": HERE, **goal}}})
+GOAL = {"position": HERE, "velocity": [0.1, 0, 0], "yaw": 1.5, "speed": 0.4}
 
 
-def test_a_goal_needs_a_position_only() -> None:
-    assert answered({"goals": {"cf1": {"position": [1, 0, 0.8]}}}) == {"cf1": Goal((1.0, 0.0, 0.8))}
+@pytest.mark.parametrize(
+    ("message", "content"),
+    [
+        ({"goals": {"cf1": {"position": [1, 0, 0.8]}}}, {"cf1": Goal((1.0, 0.0, 0.8))}),
+        ({"goals": {"cf1": GOAL}}, {"cf1": Goal((1.0, 0.0, 0.8), (0.1, 0.0, 0.0), 1.5, 0.4)}),
+        ({"goals": {}}, {}),
+        ({"done": True}, Done()),
+        ({"fail": "lost"}, Failed("lost")),
+        ({"fail": "a\n" + 1000 * "b"}, Failed("a " + 198 * "b")),
+    ],
+)
+def test_messages_are_goals_success_or_failure(message: Any, content: Any) -> None:
+    assert answered(message) == content
 
 
-def test_a_goal_may_have_a_velocity_a_yaw_and_a_speed() -> None:
-    goal = {"position": HERE, "velocity": [0.1, 0, 0], "yaw": 1.5, "speed": 0.4}
-    expected = Goal((1.0, 0.0, 0.8), (0.1, 0.0, 0.0), 1.5, 0.4)
-    assert answered({"goals": {"cf1": goal}}) == {"cf1": expected}
+@pytest.mark.parametrize(
+    ("message", "why"),
+    [
+        (
+            {"done": True, "goals": {}},
+            "expected an object with one of 'goals', 'done' and 'fail', "
+            "got {'done': True, 'goals': {}}",
+        ),
+        ({"done": 1}, "done is 1, expected true"),
+        ({"fail": 7}, "fail is 7, expected the reason as a string"),
+        ({"goals": [1]}, "goals are [1], expected an object of goals by agent"),
+        (
+            {"goals": {"cf3": {"position": HERE}}},
+            "no agent named 'cf3' in this step; there are: cf1, cf2",
+        ),
+        (
+            {"goals": {"cf1": {"yaw": 1}}},
+            "cf1: the goal is {'yaw': 1}, expected an object with a position",
+        ),
+    ],
+)
+def test_invalid_messages_are_refused(message: Any, why: str) -> None:
+    assert refused(message) == why
 
 
-def test_no_goals_are_a_sign_of_life() -> None:
-    assert answered({"goals": {}}) == {}
-
-
-def test_the_other_process_can_end_the_step() -> None:
-    assert answered({"done": True}) == Done()
-
-
-def test_the_other_process_can_fail_the_step_with_a_reason() -> None:
-    assert answered({"fail": "lost"}) == Failed("lost")
-
-
-def test_why_it_gives_up_is_kept_short_and_on_one_line() -> None:
-    assert answered({"fail": "a\n" + 1000 * "b"}) == Failed("a " + 198 * "b")
-
-
-def test_a_line_is_one_of_three_things() -> None:
-    assert refused({"done": True, "goals": {}}) == (
-        "expected an object with one of 'goals', 'done' and 'fail', got {'done': True, 'goals': {}}"
-    )
-
-
-def test_done_is_true() -> None:
-    assert refused({"done": 1}) == "done is 1, expected true"
-
-
-def test_a_failure_has_words() -> None:
-    assert refused({"fail": 7}) == "fail is 7, expected the reason as a string"
-
-
-def test_goals_are_by_agent() -> None:
-    assert refused({"goals": [1]}) == "goals are [1], expected an object of goals by agent"
-
-
-def test_names_are_checked() -> None:
-    message = refused({"goals": {"cf3": {"position": HERE}}})
-    assert message == "no agent named 'cf3' in this step; there are: cf1, cf2"
-
-
-def test_a_goal_without_a_position_is_refused() -> None:
-    assert refused({"goals": {"cf1": {"yaw": 1}}}) == (
-        "cf1: the goal is {'yaw': 1}, expected an object with a position"
-    )
-
-
-def test_what_is_not_known_is_refused() -> None:
-    assert wrong_goal(sped=1) == (
-        "cf1: unknown 'sped', expected 'position', 'velocity', 'yaw' and 'speed'"
-    )
-
-
-def test_a_position_has_three_coordinates() -> None:
-    assert wrong_goal(position=[1, 2]) == "cf1: position is [1, 2], expected [x, y, z]"
-
-
-def test_a_coordinate_is_a_number() -> None:
-    assert wrong_goal(position=[1, True, 1]) == "cf1: position has True, expected a finite number"
-
-
-def test_a_number_beyond_all_floats_is_refused() -> None:
-    assert "expected a finite number" in wrong_goal(yaw=10**400)
-
-
-def test_a_goal_outside_the_fence_is_refused() -> None:
-    assert wrong_goal(position=[99, 0, 1]).startswith("cf1: [99, 0, 1] is outside the fence")
-
-
-def test_a_goal_outside_the_heights_is_refused() -> None:
-    assert wrong_goal(position=[0, 0, 2.5]) == (
-        "cf1: [0, 0, 2.5] is outside the heights to fly at, from 0.2 to 1.8 m"
-    )
-
-
-def test_a_goal_in_an_obstacle_is_refused() -> None:
-    message = wrong_goal(position=[4.5, 4.5, 1])
-    assert message == "cf1: [4.5, 4.5, 1] is inside obstacle 'pillar'"
-
-
-def test_a_speed_above_the_limit_is_refused() -> None:
-    assert wrong_goal(speed=2) == "cf1: speed of 2 m/s is above limits.speed, 0.5 m/s"
-
-
-def test_a_speed_of_nothing_is_refused() -> None:
-    assert wrong_goal(speed=0) == "cf1: speed is 0 m/s, expected at least 0.01"
-    assert wrong_goal(speed=1e-308) == "cf1: speed is 1e-308 m/s, expected at least 0.01"
-    assert wrong_goal(yaw=1e308) == "cf1: yaw is 1e+308 rad, expected from -1000 to 1000"
-
-
-def test_a_velocity_above_the_limit_is_refused() -> None:
-    message = wrong_goal(velocity=[0.4, 0.4, 0])
-    assert message == "cf1: velocity of 0.565685 m/s is above limits.speed, 0.5 m/s"
+@pytest.mark.parametrize(
+    ("goal", "why"),
+    [
+        ({"sped": 1}, "unknown 'sped', expected 'position', 'velocity', 'yaw' and 'speed'"),
+        ({"position": [1, 2]}, "position is [1, 2], expected [x, y, z]"),
+        ({"position": [1, True, 1]}, "position has True, expected a finite number"),
+        ({"yaw": 10**400}, "yaw has 1000000000000000"),  # beyond all floats
+        ({"position": [99, 0, 1]}, "[99, 0, 1] is outside the fence"),
+        ({"position": [0, 0, 2.5]}, "[0, 0, 2.5] is outside the heights to fly at"),
+        ({"position": [4.5, 4.5, 1]}, "[4.5, 4.5, 1] is inside obstacle 'pillar'"),
+        ({"speed": 2}, "speed of 2 m/s is above limits.speed, 0.5 m/s"),
+        ({"speed": 0}, "speed is 0 m/s, expected at least 0.01"),
+        ({"speed": 1e-308}, "speed is 1e-308 m/s, expected at least 0.01"),
+        ({"yaw": 1e308}, "yaw is 1e+308 rad, expected from -1000 to 1000"),
+        ({"velocity": [0.4, 0.4, 0]}, "velocity of 0.565685 m/s is above limits.speed, 0.5 m/s"),
+    ],
+)
+def test_invalid_goals_are_refused(goal: dict[str, Any], why: str) -> None:
+    assert refused({"goals": {"cf1": {"position": HERE, **goal}}}).startswith(f"cf1: {why}")
 
 
 @pytest.mark.parametrize(

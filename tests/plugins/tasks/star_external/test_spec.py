@@ -12,7 +12,6 @@ from jsonschema import Draft202012Validator
 from star_core import Task, TaskSpec
 from star_core.testing import scene
 from star_core.toolkit import fill_defaults
-from star_yaml.checks.plugin_checks import held
 from tests.plugins.tasks.star_external.conftest import offered
 
 ROOM = scene(2)
@@ -35,14 +34,6 @@ def problems_of(*planners: str, **options: Any) -> list[tuple[tuple[str | int, .
     return [(problem.path, problem.message) for problem in spec.check(ROOM, (0, 1), **filled)]
 
 
-def test_what_is_made_is_a_task_and_listens_on_the_loopback_only(offer: TaskSpec) -> None:
-    task: Any = made(offer, port=0)
-    address, fits = task._source.server.address, isinstance(task, Task)
-    task.close()
-    assert fits
-    assert address[0] == "127.0.0.1"
-
-
 def test_steps_of_one_flight_share_a_port(offer: TaskSpec) -> None:
     one: Any = made(offer, port=0)
     other: Any = made(offer, (1,), port=0)
@@ -55,7 +46,7 @@ def test_a_port_can_be_opened_again_for_the_next_flight(offer: TaskSpec) -> None
     one: Any = made(offer, port=0)
     one.close()
     other: Any = made(offer, port=0)
-    assert other._source.server.address
+    assert other._source.server.address[0] == "127.0.0.1"
     other.close()
 
 
@@ -79,16 +70,22 @@ def test_a_port_open_to_other_hosts_is_logged(
     )
 
 
-def test_a_name_is_no_address() -> None:
-    ((path, message),) = problems_of(listen="localhost")
-    assert path == ("listen",)
-    assert message == "'localhost' is not an IPv4 address, expected one like 127.0.0.1"
-
-
-def test_max_silence_exceeds_the_period_of_state_lines() -> None:
-    ((path, message),) = problems_of(max_silence=0.5, rate=2)
-    assert path == ("max_silence",)
-    assert message == ("a silence of 0.5 s is not longer than the period of state lines, 0.5 s")
+@pytest.mark.parametrize(
+    ("options", "path", "message"),
+    [
+        ({"listen": "localhost"}, "listen", "'localhost' is not an IPv4 address, expected one"),
+        (
+            {"max_silence": 0.5, "rate": 2},
+            "max_silence",
+            "a silence of 0.5 s is not longer than the period of state lines, 0.5 s",
+        ),
+        ({"planner": "orbit"}, "planner", "no external planner named 'orbit'"),
+    ],
+)
+def test_invalid_options_are_refused(options: dict[str, Any], path: str, message: str) -> None:
+    (problem,) = problems_of(**options)
+    assert problem[0] == (path,)
+    assert problem[1].startswith(message)
 
 
 def test_valid_options_have_no_problem() -> None:
@@ -100,9 +97,8 @@ def test_installed_planners_are_offered() -> None:
     assert made.options["properties"]["planner"]["enum"] == ["orbit", "spiral"]
 
 
-def test_schema_without_planners_is_valid_and_refuses_any() -> None:
+def test_the_schema_without_planners_is_valid() -> None:
     Draft202012Validator.check_schema(offered().options)
-    assert problems_of(planner="orbit") == [(("planner",), "no external planner named 'orbit'")]
 
 
 def test_two_planners_of_one_name_are_refused() -> None:
@@ -117,14 +113,7 @@ def test_two_planners_of_one_name_are_refused() -> None:
 
 @pytest.mark.parametrize(
     ("option", "value"),
-    [
-        ("port", 5800),
-        ("listen", "127.0.0.2"),
-        ("max_silence", 1),
-        ("on_silence", "fail"),
-        ("response_timeout", 5),
-        ("lockstep", False),
-    ],
+    [("port", 5800), ("on_silence", "fail"), ("lockstep", False)],
 )
 def test_options_of_another_process_are_refused_with_a_planner(option: str, value: object) -> None:
     assert problems_of("orbit", planner="orbit", **{option: value}) == [
@@ -138,9 +127,3 @@ def test_options_of_another_process_are_refused_with_a_planner(option: str, valu
 
 def test_a_planner_may_have_any_rate() -> None:
     assert problems_of("orbit", planner="orbit", rate=0.1) == []
-
-
-def test_a_step_with_a_planner_holds_no_port() -> None:
-    made = offered(orbit=NEVER_MADE)
-    assert held(made, {}) == (("listen", "127.0.0.1"), ("port", 5799))
-    assert held(made, {"planner": "orbit"}) == ()

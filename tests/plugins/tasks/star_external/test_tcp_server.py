@@ -41,12 +41,6 @@ def test_no_client_is_connected_at_first(server: TcpServer) -> None:
     assert server.receive(9, 0.0) == []
 
 
-def test_a_client_is_let_in(server: TcpServer, connect: Connect) -> None:
-    connect()
-    assert server.accept(SOON)
-    assert server.client_count == 1
-
-
 def test_lines_are_heard_with_their_numbers(server: TcpServer, connect: Connect) -> None:
     client = connect()
     server.accept(SOON)
@@ -147,13 +141,6 @@ def test_another_client_can_come_after_that(server: TcpServer, connect: Connect)
     assert server.receive(9, SOON) == [Line(1, b"x")]
 
 
-def test_lines_are_sent_to_the_client(server: TcpServer, connect: Connect) -> None:
-    client = connect()
-    server.accept(SOON)
-    assert server.send(b"[1]\n")
-    assert client.receive() == [1]
-
-
 def test_unread_output_is_bounded_and_never_awaited(server: TcpServer, connect: Connect) -> None:
     connect()
     server.accept(SOON)
@@ -167,6 +154,8 @@ def test_unread_output_is_bounded_and_never_awaited(server: TcpServer, connect: 
 def test_nothing_is_sent_to_a_disconnected_client(server: TcpServer, connect: Connect) -> None:
     client = connect()
     server.accept(SOON)
+    assert server.send(b"[1]\n")
+    assert client.receive() == [1]
     client.close()
     assert gone(server)
     assert not server.send(b"[1]\n")

@@ -42,19 +42,33 @@ def test_a_good_search_has_no_problem(hall: Any) -> None:
     )
 
 
-def test_agents_without_a_camera_are_refused(hall: Any) -> None:
-    ((path, message),) = problems(hall(camera=None))
-    assert path == ()
-    assert message == (
-        "cf1, cf2 have no camera to search with; give agents `camera: aideck`, "
-        "or name those that have one"
-    )
-
-
-def test_an_invalid_area_is_refused_at_its_corner(hall: Any) -> None:
-    ((path, message),) = problems(hall(), area={"low": [-1, -1], "high": [1, 5]})
-    assert path == ("area", "high")
-    assert message.startswith("[1, 5] is outside the fence")
+@pytest.mark.parametrize(
+    ("changes", "options", "path", "message"),
+    [
+        ({"camera": None}, {}, (), "cf1, cf2 have no camera to search with; give agents"),
+        (
+            {},
+            {"area": {"low": [-1, -1], "high": [1, 5]}},
+            ("area", "high"),
+            "[1, 5] is outside the fence",
+        ),
+        ({}, {"height": 1.8}, ("height",), "from 1.8 m at 0.3 m/s, 'cf1' resolves no tag"),
+        ({}, {"lane_spacing": 2.0}, ("lane_spacing",), "2 m is more than the 1.35 m in which"),
+        ({}, {"clearance": 2.0}, ("clearance",), "2 m on both sides leave nothing of the fence's"),
+        (
+            {"targets": {"red": (1, 1)}},
+            {"targets": 2},
+            ("targets",),
+            "2 is more than the 1 targets of the world",
+        ),
+    ],
+)
+def test_a_search_that_cannot_be_flown_is_refused(
+    hall: Any, changes: dict[str, Any], options: dict[str, Any], path: Any, message: str
+) -> None:
+    (problem,) = problems(hall(**changes), **options)
+    assert problem[0] == path
+    assert problem[1].startswith(message)
 
 
 def test_a_height_outside_the_limits_is_refused(hall: Any) -> None:
@@ -62,30 +76,6 @@ def test_a_height_outside_the_limits_is_refused(hall: Any) -> None:
     ((path, message),) = problems(low)
     assert path == ("height",)
     assert message == "0.8 m is outside the heights to fly at, from 0.2 to 0.5 m"
-
-
-def test_a_height_from_which_no_tag_is_resolved_is_refused(hall: Any) -> None:
-    ((path, message),) = problems(hall(), height=1.8)
-    assert path == ("height",)
-    assert message.startswith("from 1.8 m at 0.3 m/s, 'cf1' resolves no tag on the floor")
-
-
-def test_lanes_farther_apart_than_the_view_are_refused(hall: Any) -> None:
-    ((path, message),) = problems(hall(), lane_spacing=2.0)
-    assert path == ("lane_spacing",)
-    assert message.startswith("2 m is more than the 1.35 m in which 'cf1' resolves tags")
-
-
-def test_a_clearance_that_fills_the_fence_is_refused(hall: Any) -> None:
-    ((path, message),) = problems(hall(), clearance=2.0)
-    assert (path, message) == (
-        ("clearance",), "2 m on both sides leave nothing of the fence's 4 m",
-    )  # fmt: skip
-
-
-def test_more_targets_than_the_world_has_are_refused(hall: Any) -> None:
-    ((path, message),) = problems(hall(targets={"red": (1, 1)}), targets=2)
-    assert (path, message) == (("targets",), "2 is more than the 1 targets of the world")
 
 
 def test_an_unknown_target_is_refused_with_a_suggestion(hall: Any) -> None:
