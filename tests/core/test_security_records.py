@@ -37,6 +37,13 @@ def run(original: Path, tmp_path: Path) -> Path:
     return tmp_path / "run"
 
 
+def refusal(run: Path) -> str:
+    """Return the code of the error of a record that cannot be read."""
+    with pytest.raises(InputError) as refused:
+        read_run(run)
+    return refused.value.code
+
+
 def npy(header: str, data: bytes = b"", version: int = 1) -> bytes:
     """Return a file of NumPy's with any header."""
     size = struct.pack("<H" if version == 1 else "<I", len(header))
@@ -74,8 +81,7 @@ def test_hostile_arrays_are_refused(run: Path, file: str) -> None:
         with zipfile.ZipFile(run / file, "w") as archive:
             for other, data in ({**members, name: content}).items():
                 archive.writestr(other, data)
-        with pytest.raises(InputError, match=r"run: the record cannot be read: .* \[no-record\]"):
-            read_run(run)
+        assert refusal(run) == "no-record"
 
 
 def test_a_bomb_of_arrays_is_refused_unread(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -83,8 +89,7 @@ def test_a_bomb_of_arrays_is_refused_unread(run: Path, monkeypatch: pytest.Monke
     with zipfile.ZipFile(run / "trajectory.npz", "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("time.npy", npy(header((1 << 21,)), bytes(1 << 24)))
     assert (run / "trajectory.npz").stat().st_size < 1 << 15
-    with pytest.raises(InputError, match=r"trajectory.npz holds more than .*e\+06 bytes"):
-        read_run(run)
+    assert refusal(run) == "no-record"
 
 
 @pytest.mark.parametrize(
@@ -157,8 +162,7 @@ def test_devices_and_pipes_are_no_records(run: Path, file: str) -> None:
     for make in (os.mkfifo, lambda path: Path(path).symlink_to("/dev/zero")):
         (run / file).unlink()
         make(run / file)
-        with pytest.raises(InputError, match="is no regular file"):
-            read_run(run)
+        assert refusal(run) == "no-record"
 
 
 def test_images_are_those_of_the_record(run: Path, tmp_path: Path) -> None:

@@ -9,13 +9,14 @@ from pathlib import Path
 
 from star_core import InputError, Mission, Problem, Registry
 from star_core.commands import guarded
-from star_core.formats import FileKindSpec
+from star_core.formats import FileKindSpec, SourceFile, camera_faults
 from star_core.toolkit import actions
 from star_yaml import schema
 from star_yaml.document import Document
 from star_yaml.includes import check_alone
 from star_yaml.input_file import kind_of, lacking, override, read
 from star_yaml.mission_loader import checked
+from star_yaml.world_loader import world
 
 
 def check_file(
@@ -94,3 +95,16 @@ def _steps(document: Document, registry: Registry) -> str:
     many = "steps" if steps > 1 else "step"
     values = f", with a value for {needed}" * bool(needed)
     return f"{steps} {many} for missions to include{values}{lacking(document)}"
+
+
+def check_world(file: SourceFile, _registry: Registry) -> str:
+    """Return what a world is good for."""
+    return f"{world(file).name!r}, a world that can be flown in"
+
+
+def check_camera(file: SourceFile, _registry: Registry) -> str:
+    """Return what a camera is good for."""
+    faults = camera_faults(file.data)
+    if problems := file.located(Problem(path, text, "invalid-camera") for path, text in faults):
+        raise InputError(problems)
+    return f"{file.data['name']!r}, a camera for missions"

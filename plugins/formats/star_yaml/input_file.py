@@ -70,6 +70,11 @@ def named(path: Path) -> Path:
     raise InputError(f"{path}: no file and no mission of that name{hint}", "unknown-mission")
 
 
+def missions() -> dict[str, tuple[Path, str]]:
+    """Return the shipped files and their descriptions by name."""
+    return {name: (file, file_description(file)) for name, file in shipped_files().items()}
+
+
 def file_description(file: Path) -> str:
     """Return the first sentence of the comment at the top of a file."""
     lines = file.read_text(encoding="utf-8").splitlines()

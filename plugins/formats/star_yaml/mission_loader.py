@@ -5,6 +5,7 @@ Whatever is wrong with it, its scene is made of what is sound, so that all other
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -23,7 +24,7 @@ from star_core import (
     Scene,
     World,
 )
-from star_core.commands import PIPELINE_KINDS
+from star_core.commands import PIPELINE_KINDS, Found
 from star_core.formats import PluginChoice, inside
 from star_core.toolkit import PluginGuard, fill_defaults
 from star_yaml import schema, world_loader
@@ -33,6 +34,7 @@ from star_yaml.includes import resolved
 from star_yaml.input_file import override, read, require_kind
 from star_yaml.schema import UNKNOWN, Incomplete, Refused
 from star_yaml.step_tree import StepBuilder
+from star_yaml.yaml_reader import parse
 
 # What stands for the parts of a mission that are not known while the others are checked.
 NO_WORLD: Final = World("", Fence((-math.inf,) * 3, (math.inf,) * 3))
@@ -45,6 +47,12 @@ UNLIMITED: Final[Mapping[str, Any]] = {
     "vertical_separation": 1.0,
     "uncertainty_margin": 0.0,
 }
+
+FLAGS: Final = (
+    *("exact_odometry", "heights_above_surface", "flow_deck"),
+    *("detects_tags", "measures_positions"),
+)
+"""Functions of a transport's offer that return whether something is so of its scene."""
 
 
 def load(path: Path | str, registry: Registry, assignments: Sequence[str] = ()) -> Mission:
@@ -73,9 +81,8 @@ def checked(written: Document, registry: Registry, assignments: Sequence[str] = 
     if data is None:
         raise InputError(document.in_order(problems))
     data |= {kind: _with_defaults(kind, data[kind], registry) for kind in PIPELINE_KINDS}
-    properties = _transport_properties(data["transport"], registry)
-    properties["reports_in_map"] = _reports_in_map(data["localizer"], registry)
-    flight = replace(scene(document.path.parent, data, room), **properties)
+    flight = scene(document.path.parent, data, room)
+    flight = replace(flight, **_scene_properties(data, registry))
     uncertain = uncertain_groups(document.data, data)
     builder = StepBuilder(document, refused, flight, uncertain, registry)
     steps, reactions = builder.build(), builder.reactions()
@@ -132,42 +139,36 @@ def _world(
         return None, None
 
 
-def _transport_properties(choice: Mapping[str, Any], registry: Registry) -> dict[str, Any]:
-    """Return what a scene states about the transport that is named."""
+def _found(kind: str, choice: Mapping[str, Any], registry: Registry) -> Found | None:
+    """Return the plugin of a choice; None without it, which is reported as a reference."""
     try:
-        plugin = registry.find("transport", choice["use"])
-    except PluginError:  # reported as a reference
-        return {}
-    offer, properties = plugin.offer, {"realtime": bool(plugin.offer.realtime)}
-    options = fill_defaults(_options(choice), offer.options)  # some of them may be refused
-    flags = "exact_odometry", "heights_above_surface", "flow_deck"
-    for name in (*flags, "detects_tags", "measures_positions"):
-        if (holds := getattr(offer, name)) is not None:
+        return registry.find(kind, choice["use"])
+    except PluginError:
+        return None
+
+
+def _scene_properties(data: Mapping[str, Any], registry: Registry) -> dict[str, Any]:
+    """Return what a scene states about the transport and the localizer that are named."""
+    localizer = _found("localizer", data["localizer"], registry)
+    properties: dict[str, Any] = {
+        "reports_in_map": localizer is not None and bool(localizer.offer.reports_in_map)
+    }
+    if (plugin := _found("transport", data["transport"], registry)) is None:
+        return properties
+    offer, properties["realtime"] = plugin.offer, bool(plugin.offer.realtime)
+    options = fill_defaults(_options(data["transport"]), offer.options)  # some may be refused
+    for name in (*FLAGS, "measurement_errors", "onboard_system"):
+        if (function := getattr(offer, name)) is not None:
             with PluginGuard(f"transport {offer.name!r} ({plugin.source})"):
-                properties[name] = bool(holds(**options))
-    for name in ("measurement_errors", "onboard_system"):
-        if (value := getattr(offer, name)) is not None:
-            with PluginGuard(f"transport {offer.name!r} ({plugin.source})"):
-                properties[name] = value(**options)
+                value = function(**options)
+                properties[name] = bool(value) if name in FLAGS else value
     return properties
-
-
-def _reports_in_map(choice: Mapping[str, Any], registry: Registry) -> bool:
-    """Return whether a localizer takes reports of on-board estimators that know the map."""
-    try:
-        return bool(registry.find("localizer", choice["use"]).offer.reports_in_map)
-    except PluginError:  # reported as a reference
-        return False
 
 
 def _with_defaults(kind: str, choice: dict[str, Any], registry: Registry) -> dict[str, Any]:
     """Return the choice of a plugin with the defaults of its options, if these are known."""
-    if isinstance(choice, Incomplete):
-        return choice
-    try:
-        return fill_defaults(choice, registry.find(kind, choice["use"]).offer.options)
-    except PluginError:  # reported as a reference
-        return choice
+    plugin = None if isinstance(choice, Incomplete) else _found(kind, choice, registry)
+    return choice if plugin is None else fill_defaults(choice, plugin.offer.options)
 
 
 def _plugin(
@@ -280,6 +281,12 @@ def agents(data: Mapping[str, Any]) -> tuple[Agent, ...]:
         )
         for name, options in data["swarm"].items()
     )
+
+
+def restore(manifest: Mapping[str, Any], file: Path) -> tuple[tuple[Agent, ...], World]:
+    """Return the agents and the world of the manifest of a flight."""
+    world = world_loader.world(Document(parse(json.dumps(manifest["world"]), str(file)), file))
+    return agents(manifest["mission"]), world
 
 
 def _groups(data: Mapping[str, Any]) -> dict[str, tuple[int, ...]]:

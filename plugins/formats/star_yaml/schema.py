@@ -45,6 +45,26 @@ def load(name: str) -> dict[str, Any]:
     return schema
 
 
+def mission_schema(registry: Registry) -> dict[str, Any]:
+    """Return the schema of missions with the plugins of a registry."""
+    return compose(registry.offers())
+
+
+def steps_schema(registry: Registry) -> dict[str, Any]:
+    """Return the schema of files of steps with the verbs of a registry."""
+    return compose_steps(registry.offers())
+
+
+def world_schema(_registry: Registry) -> dict[str, Any]:
+    """Return the schema of worlds, whatever is installed."""
+    return load("world")
+
+
+def camera_schema(_registry: Registry) -> dict[str, Any]:
+    """Return the schema of cameras, whatever is installed."""
+    return load("camera")
+
+
 def read_as(path: Path, kind: str, registry: Registry) -> Document:
     """Read the YAML file at `path` and require that it fits the schema of its kind.
 

@@ -67,6 +67,11 @@ def read_yaml(path: Path, *, text_keys: bool = False) -> Value:
     return parse(text, str(path), text_keys=text_keys)
 
 
+def values(path: Path) -> Value:
+    """Return the values of a file of any program; keys and dates are text."""
+    return read_yaml(path, text_keys=True)
+
+
 @lru_cache(maxsize=64)  # a study reads a mission for each of its conditions; values are immutable
 def parse(text: str, source: str, *, text_keys: bool = False) -> Value:
     """Parse YAML.

@@ -66,13 +66,6 @@ def test_a_trajectory_is_copied_and_followed(place: Put, take: Import) -> None:
     assert Path("imported/paths/eight.csv").read_text("utf-8") == trajectory(0.5, 4.0)
 
 
-def test_an_imported_trajectory_flies(place: Put, take: Import) -> None:
-    place("eight.csv", trajectory(0.5, 2.0))
-    take("eight.csv", "--agent", "cf1=0,0", "--agent", "cf2=1,0")
-    summary = fly(load(Path("imported/eight.yaml"), Registry()), Registry())
-    assert summary["outcome"] == "completed"
-
-
 def test_excessively_fast_trajectories_suggest_a_timescale(place: Put, take: Import) -> None:
     place("eight.csv", trajectory(2.0, 4.0))
     with pytest.raises(InputError) as raised:
