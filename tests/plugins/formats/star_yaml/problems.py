@@ -1,12 +1,27 @@
-"""What is wrong with a mission in the working folder, whatever its words: the corpus has those."""
+"""Documents and offers for tests, and where missions are wrong: the corpus has the words."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
-from star_core import InputError, Registry, load
+from star_core import InputError, Registry, TaskSpec, load
+from star_yaml.document import Document
+from star_yaml.yaml_reader import parse
 from tests.commands import position_and_code
+
+
+def document(text: str) -> Document:
+    """Return a document that is called ``m.yaml``."""
+    return Document(parse(text, "m.yaml"), Path("m.yaml"))
+
+
+def offer(name: str, properties: dict[str, Any] | None = None, **rules: Any) -> TaskSpec:
+    """Return an offer of a plugin that cannot do anything."""
+    options = {"type": "object", "properties": properties or {}, **rules}
+    make: Any = object
+    return TaskSpec(name=name, summary=f"The {name}.", make=make, options=options)
 
 
 def problems(text: str, registry: Registry | None = None) -> list[str]:

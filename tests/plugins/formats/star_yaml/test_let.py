@@ -116,17 +116,6 @@ def test_a_wrong_value_is_located_where_it_is_and_where_it_is_used() -> None:
     ]
 
 
-@pytest.mark.parametrize(
-    ("written", "column"),
-    [("$(height + 1 +)", 37), ("'$(height + 1 +)'", 38), ("$(height + hight)", 34)],
-)
-def test_an_error_is_located_in_the_expression(written: str, column: int) -> None:
-    (problem,) = wrong(
-        NAMED.replace("takeoff: {height: $height}", f"takeoff: {{height: {written}}}")
-    )
-    assert problem.startswith(f"m.yaml:14:{column}: ")
-
-
 def test_names_cannot_stand_for_endless_lists() -> None:
     doubled = "\n".join(f"  l{i + 1}: [{', '.join([f'$l{i}'] * 10)}]" for i in range(8))
     (problem,) = wrong(NAMED.replace("let: {", f"let:\n  l0: 1\n{doubled}\ngroups: {{"))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -11,7 +10,7 @@ import pytest
 from star_core.errors import InputError
 from star_yaml.document import Document
 from star_yaml.input_file import override
-from star_yaml.yaml_reader import parse
+from tests.plugins.formats.star_yaml.problems import document
 
 MISSION = """\
 # a comment
@@ -30,11 +29,6 @@ mission:
 @pytest.fixture
 def mission() -> Document:
     return document(MISSION)
-
-
-def document(text: str) -> Document:
-    parsed = parse(text, "m.yaml")
-    return Document(parsed, Path("m.yaml"))
 
 
 def refused(document: Document, *assignments: str) -> list[str]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
@@ -13,18 +12,11 @@ from jsonschema import Draft202012Validator
 from star_core.plugin_support.option_schema import sound
 from star_core.plugin_support.specs import TaskSpec
 from star_yaml import schema
-from star_yaml.document import Document
 from star_yaml.editor_schema import for_editors
 from star_yaml.schema import compose, compose_steps, load, problems
-from star_yaml.yaml_reader import parse
+from tests.plugins.formats.star_yaml.problems import document, offer
 
 NEVER_MADE: Any = object
-
-
-def offer(name: str, properties: dict[str, Any] | None = None, **rules: Any) -> TaskSpec:
-    """An offer of a plugin that cannot do anything."""
-    options = {"type": "object", "properties": properties or {}, **rules}
-    return TaskSpec(name=name, summary=f"The {name}.", make=NEVER_MADE, options=options)
 
 
 OFFERS = {
@@ -48,31 +40,11 @@ fence: {low: [-2, -2, 0], high: [2, 2, 2]}
 """
 
 
-def document(text: str) -> Document:
-    parsed = parse(text, "m.yaml")
-    return Document(parsed, Path("m.yaml"))
-
-
 @pytest.mark.parametrize(
     "schema", [SCHEMA, compose_steps(OFFERS), load("mission"), load("steps"), load("world")]
 )
 def test_every_schema_is_one(schema: dict[str, Any]) -> None:
     Draft202012Validator.check_schema(schema)
-
-
-@pytest.mark.parametrize("name", ["mission", "steps", "world"])
-def test_every_property_has_a_description(name: str) -> None:
-    schema = load(name)
-    waiting: list[Any] = [schema]
-    while waiting:
-        value = waiting.pop()
-        if isinstance(value, dict):
-            for key, held in value.get("properties", {}).items():
-                target = schema["$defs"].get(held.get("$ref", "").rpartition("/")[2], {})
-                assert "description" in held | target, key
-            waiting += value.values()
-        elif isinstance(value, list):
-            waiting += value
 
 
 @pytest.mark.parametrize("name", ["mission", "steps", "world"])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -11,25 +10,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from jsonschema import Draft202012Validator
 
-from star_core.plugin_support.specs import TaskSpec
-from star_yaml.document import Document
 from star_yaml.input_file import override
 from star_yaml.schema import compose, problems
-from star_yaml.yaml_reader import parse
 from tests.commands import position_and_code
+from tests.plugins.formats.star_yaml.problems import document, offer
 
 
 def number(description: str, **rules: Any) -> dict[str, Any]:
     return {"description": description, "type": "number", **rules}
-
-
-NEVER_MADE: Any = object
-
-
-def offer(name: str, properties: dict[str, Any] | None = None, **rules: Any) -> TaskSpec:
-    """An offer of a plugin that cannot do anything."""
-    options = {"type": "object", "properties": properties or {}, **rules}
-    return TaskSpec(name=name, summary=f"The {name}.", make=NEVER_MADE, options=options)
 
 
 NUMBER = {"type": "number"}
@@ -86,11 +74,6 @@ avoider: {use: orca, radius: 0.2}
 mission:
   - takeoff: {height: 1}
 """
-
-
-def document(text: str) -> Document:
-    parsed = parse(text, "m.yaml")
-    return Document(parsed, Path("m.yaml"))
 
 
 def faults(text: str) -> list[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,14 +14,7 @@ from star_core.discovery import Source
 from star_core.errors import InputError, Problem
 from star_core.plugin_support.hookspecs import hookimpl
 from star_core.plugin_support.registry import Registry
-from star_core.plugin_support.specs import (
-    SPECS,
-    AvoiderSpec,
-    LocalizerSpec,
-    PlannerSpec,
-    TaskSpec,
-    TransportSpec,
-)
+from star_core.plugin_support.specs import SPECS
 from star_yaml.mission_loader import load
 from star_yaml.step_tree import rows_of
 from tests.plugins.formats.star_yaml.problems import problems as located
@@ -51,6 +44,13 @@ mission:
   - wait: {}
 """
 NUMBER = {"type": "number"}
+NAMES = {
+    "transport": "link",
+    "localizer": "guess",
+    "planner": "crow",
+    "avoider": "shy",
+    "task": "wait",
+}
 
 
 class Parts:
@@ -72,28 +72,10 @@ class Parts:
         self._options = options or {}
         self._faults = faults or {}
         self.asked: dict[str, tuple[Any, ...]] = {}
+        for kind, name in NAMES.items():
+            setattr(self, f"star_{kind}s", hookimpl(self._offering(kind, name)))
 
-    @hookimpl
-    def star_transports(self) -> Iterable[TransportSpec]:
-        yield self._offer("transport", "link")
-
-    @hookimpl
-    def star_localizers(self) -> Iterable[LocalizerSpec]:
-        yield self._offer("localizer", "guess")
-
-    @hookimpl
-    def star_planners(self) -> Iterable[PlannerSpec]:
-        yield self._offer("planner", "crow")
-
-    @hookimpl
-    def star_avoiders(self) -> Iterable[AvoiderSpec]:
-        yield self._offer("avoider", "shy")
-
-    @hookimpl
-    def star_tasks(self) -> Iterable[TaskSpec]:
-        yield self._offer("task", "wait")
-
-    def _offer(self, kind: str, name: str) -> Any:
+    def _offering(self, kind: str, name: str) -> Callable[[], list[Any]]:
         def check(*arguments: Any, **options: Any) -> Iterable[Problem]:
             self.asked[kind] = (*arguments, options)
             found = self._faults.get(kind, ())
@@ -102,9 +84,10 @@ class Parts:
             return found
 
         options = {"type": "object", "properties": self._options.get(kind, {})}
-        return SPECS[kind](  # type: ignore[call-arg]
-            name=name, summary=f"The {name}.", make=object, options=options, check=check
-        )
+        spec: Any = SPECS[kind]
+        summary = f"The {name}."
+        offer = spec(name=name, summary=summary, make=object, options=options, check=check)
+        return lambda: [offer]
 
 
 @pytest.fixture(autouse=True)
@@ -219,10 +202,10 @@ def test_default_start_separation_is_the_diameter_of_a_drone() -> None:
 
 @pytest.mark.parametrize("kind", ["transport", "localizer", "planner", "avoider"])
 def test_what_the_check_of_a_part_finds_stands_at_its_option(kind: str) -> None:
-    name = {"transport": "link", "localizer": "guess", "planner": "crow", "avoider": "shy"}[kind]
+    name = NAMES[kind]
     mission = MISSION.replace(f"{kind}: {name}", f"{kind}: {{use: {name}, odd: 3}}")
     plugin = Parts({kind: {"odd": NUMBER}}, {kind: [Problem(("odd",), "3 is odd")]})
-    line = ["transport", "localizer", "planner", "avoider"].index(kind) + 10
+    line = list(NAMES).index(kind) + 10
     column = len(f"{kind}: {{use: {name}, odd: ") + 1
     assert problems(mission, plugin) == [f"{line}:{column} [invalid-option]"]
 
