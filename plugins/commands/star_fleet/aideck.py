@@ -32,12 +32,6 @@ class AideckServer(TcpPort):
     Sending never blocks: while a client is still receiving an image, one more waits, and a newer
     one replaces it. So a slow client misses whole images, and those it receives are complete.
 
-    Args:
-        host: Address of the interface.
-        port: Number; 0 for any that is free.
-        jpeg: Whether to compress them.
-        switchboard: Shared switchboard; the port has its own if not given.
-
     Attributes:
         dropped: Number of images that a client has missed.
     """
@@ -105,15 +99,11 @@ class CrtpOverTcp(TcpPort):
 
 
 def framed(image: Image, *, jpeg: bool = False) -> bytes:
-    """Return an image's frames, ready to be sent.
+    """Return the frames of a (height, width) image, ready to be sent.
 
     One packet contains width, height, depth, format and size, and the following ones only the bytes
     of the image (Bitcraze, aideck-gap8-examples, ``wifi-img-streamer.c``). The header has no field
     for the time of the exposure.
-
-    Args:
-        image: (height, width) grey values.
-        jpeg: Whether to compress it.
     """
     height, width = image.shape
     if jpeg:

@@ -27,11 +27,8 @@ def launched(command: Sequence[str], assignments: Iterable[str] = ()) -> list[st
     """Return the command line that runs a command with the drones of a fleet.
 
     That is ``python [options] SCRIPT.py [arguments]`` with cflib, or ``star COMMAND ...``, such as
-    ``star script``, with assignments to values of the mission that it flies.
-
-    Args:
-        command: As the user has written it.
-        assignments: By which a mission flies with the fleet, ``path=value``.
+    ``star script``, with assignments ``path=value`` to values of the
+    mission that it flies.
 
     Raises:
         InputError: It is another command, or there is no such script.

@@ -19,12 +19,7 @@ CONTROLLER_TYPES: Final = {1: CONTROLLERS["pid"], 2: CONTROLLERS["mellinger"]}
 
 
 class Craft:
-    """What flies, and what is known of it on board.
-
-    Args:
-        simulator: Of the whole fleet.
-        row: Which of its drones.
-    """
+    """What flies, and what is known of it on board."""
 
     def __init__(self, simulator: Simulator, row: int) -> None:
         self._simulator = simulator

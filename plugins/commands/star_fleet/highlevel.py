@@ -47,13 +47,7 @@ class Stage(Enum):
 
 
 class HighLevel:
-    """One vehicle's planner.
-
-    Args:
-        craft: Whose state a plan starts from.
-        memory: Where trajectories are uploaded to.
-        parameters: The vehicle's; those of the group ``hlCommander`` count here.
-    """
+    """One vehicle's planner: plans start from the state of its craft."""
 
     def __init__(self, craft: Craft, memory: bytearray, parameters: Parameters) -> None:
         self._craft, self._memory, self._parameters = craft, memory, parameters
@@ -291,12 +285,7 @@ def _lasts(duration: float) -> bool:
 
 
 class Guidance:
-    """Passes the active reference to the position loop.
-
-    Args:
-        craft: The vehicle's craft.
-        high_level: Its high-level commander.
-    """
+    """Passes the active reference to the position loop."""
 
     def __init__(self, craft: Craft, high_level: HighLevel) -> None:
         self._craft, self._high_level = craft, high_level

@@ -81,10 +81,6 @@ class FaultyLinks:
 
     For use by one thread, except that `faults` may be replaced at any time.
 
-    Args:
-        n: Number of links.
-        seed: Of the random numbers.
-
     Attributes:
         faults: Of each link; none at first.
     """

@@ -40,11 +40,7 @@ class Block:
 
 
 class Log:
-    """The log blocks of one vehicle.
-
-    Args:
-        row: Of the vehicle in the readings.
-    """
+    """The log blocks of one vehicle."""
 
     def __init__(self, row: int) -> None:
         self._row = row

@@ -168,13 +168,7 @@ class Entry(NamedTuple):
 
 
 class Memories:
-    """All memories of one vehicle.
-
-    Args:
-        address: The vehicle's on the radio, five bytes.
-        decks: That it carries.
-        equipment: Base stations that it knows, and its forward sensor.
-    """
+    """All memories of one vehicle, whose address on the radio has five bytes."""
 
     def __init__(self, address: int, decks: Sequence[Deck], equipment: Equipment) -> None:
         self.trajectory: Final = bytearray(TRAJECTORY_BYTES)

@@ -31,11 +31,6 @@ MAX_REQUEST: Final = 1024  # bytes
 class NatNetServer:
     """Streams the poses of a fleet's drones.
 
-    Args:
-        names: Of the bodies, by row.
-        host: Address to serve at.
-        port: Command port; 0 for a free one.
-
     Attributes:
         port: Command port.
 

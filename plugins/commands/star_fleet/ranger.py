@@ -27,11 +27,7 @@ ZONES: Final = np.array([[1.0, -aside, -below] for below in _ZONES for aside in 
 
 
 class Ranger:
-    """Measures distances to the obstacles of a world.
-
-    Args:
-        world: The world; virtual obstacles are not there to be seen.
-    """
+    """Measures distances to the obstacles of a world; the virtual ones are not there to be seen."""
 
     def __init__(self, world: World) -> None:
         self._obstacles = world.obstacles
@@ -106,13 +102,7 @@ class Ranger:
 
 
 def seen_along(ranger: Ranger, drone: Any, directions: Array) -> Array:
-    """Return the distances from a drone along directions in its body: (R,) mm.
-
-    Args:
-        ranger: Measures them.
-        drone: Record of the drone, with its true pose.
-        directions: (R, 3)
-    """
+    """Return the distances from a drone along (R, 3) directions in its body: (R,) mm."""
     rotation = rotation_from_quaternion(tuple(drone["attitude"].tolist()))
     positions = np.broadcast_to(drone["position"], (len(directions), 3))
     return ranger.measure(positions, directions @ rotation.T)

@@ -74,11 +74,7 @@ class Conditions:
 
 
 class Supervisor:
-    """States, and what leads from one to the next.
-
-    Args:
-        arms_itself: As vehicles with brushed motors do.
-    """
+    """States, and what leads from one to the next."""
 
     def __init__(self, *, arms_itself: bool = True) -> None:
         self.state = State.UNFIT
@@ -110,12 +106,7 @@ class Supervisor:
         return True
 
     def bits(self, *, plans: bool, finished: bool) -> int:
-        """Return ``supervisor.info``.
-
-        Args:
-            plans: Whether the high-level commander has a plan.
-            finished: Whether its time is over.
-        """
+        """Return ``supervisor.info`` of a vehicle that has a plan, or one whose time is over."""
         bits = _STATE_BITS[self.state] | _ARMED * self.armed | _AUTO_ARM * self._arms_itself
         return bits | _TUMBLED * self._tumbled | _ACTIVE * plans | _FINISHED * finished
 

@@ -104,12 +104,7 @@ def source(name: str, mission_file: str | None, registry: Registry) -> tuple[str
 
 
 class Preview:
-    """The newest image of a camera, as a picture with its tags.
-
-    Args:
-        client: Reads the camera.
-        pixels: What its images are, as `Camera.pixels`.
-    """
+    """The newest image of a camera, as a picture with its tags."""
 
     def __init__(self, client: CameraClient, pixels: str = "gray") -> None:
         self._client, self._pixels = client, pixels

@@ -40,11 +40,7 @@ class Drone(NamedTuple):
 
 
 class Drones:
-    """The drones of a fleet, and which radio address each of them answers to.
-
-    Args:
-        drones: In the mission's order.
-    """
+    """The drones of a fleet, and which radio address each of them answers to."""
 
     def __init__(self, drones: list[Drone]) -> None:
         self._drones = drones

@@ -38,12 +38,6 @@ class Descent:
     other, and land. It is over when no agent may be in the air: one whose link is lost in a
     take-off is waited for, and landed when its link returns.
 
-    Args:
-        radio: The links to the agents.
-        scene: The agents and the world.
-        now: Clock, s.
-        report: Called with lines for the log.
-
     Attributes:
         over: Whether all agents are down.
         begins: Whether a take-off that was commanded last may yet begin.

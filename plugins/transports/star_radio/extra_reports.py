@@ -21,7 +21,6 @@ from star_radio.connection.tables import Table
 
 PERIOD: Final = 0.1  # s between two reports: 10 exchanges of a link per second
 RESTORE_AFTER: Final = 1.0  # s without a report, after which the drone may have lost its log block
-POLL_PERIOD: Final = 0.005  # s, between checks for the first report
 GRAVITY: Final = 9.81  # m/s² per g, the unit of the firmware
 
 _HALF: Final = 8  # type of the log protocol
@@ -62,12 +61,7 @@ POSITION_VARIANCE: Final = Block(
 
 
 class ExtraReports:
-    """Reports of one drone in a log block of their own.
-
-    Args:
-        link: Its link.
-        block: The log block.
-    """
+    """Reports of one drone in a log block of their own."""
 
     def __init__(self, link: Link, block: Block) -> None:
         self._link, self._block = link, block
@@ -76,16 +70,11 @@ class ExtraReports:
         self._newest = self._unknown
         self._heard = -math.inf  # s of the computer's clock
         self._restorer: log_blocks.Restorer | None = None
-        self._restore_due = 0.0  # s
 
     def begin(self, name: str, table: Table, ask: Ask, timeout: float) -> None:
-        """Start the reports, blocking; without success, log a warning if a drone can do without.
+        """Start the reports, blocking for up to `timeout`, s, until the first.
 
-        Args:
-            name: Of the agent.
-            table: The drone's log table.
-            ask: Asks the drone.
-            timeout: For the first report, s.
+        Without success, log a warning if a drone can do without.
 
         Raises:
             PluginError: A drone that cannot do without refuses them, or has no such variables.
@@ -100,11 +89,7 @@ class ExtraReports:
 
         def reported() -> bool | None:
             began = time.monotonic()
-            while self._heard < began:
-                if time.monotonic() > began + timeout:
-                    return None
-                time.sleep(POLL_PERIOD)
-            return True
+            return log_blocks.await_report(lambda: self._heard >= began or None, timeout)
 
         ids = b"".join(packets.log_variable(_HALF, table[each].number) for each in block.variables)
         try:
@@ -114,7 +99,7 @@ class ExtraReports:
                 raise
             log.warning("radio: %s: %s: %s", name, error, block.without)
             return
-        self._restorer = log_blocks.Restorer(self._link, block.number, ids, PERIOD)
+        self._restorer = log_blocks.Restorer(self._link, (block.number, ids, PERIOD), RESTORE_AFTER)
 
     def hear(self, payload: bytes) -> None:
         """Store a report; runs in the receiving thread."""
@@ -126,10 +111,8 @@ class ExtraReports:
 
     def restore(self, now: float) -> None:
         """Restart the reports if none has arrived for `RESTORE_AFTER`, without blocking."""
-        late = now - self._heard >= RESTORE_AFTER and now >= self._restore_due
-        if self._restorer is not None and late and not self._restorer.busy:
-            self._restore_due = now + RESTORE_AFTER
-            self._restorer.restore(anew=False)
+        if self._restorer is not None:
+            self._restorer.restore(now, self._heard)
 
     def newest(self, now: float) -> tuple[float, ...]:
         """Return the newest report; NaN without one, or if it is older than `Block.max_age`."""

@@ -69,10 +69,6 @@ class GuardedRadio:
 
     Cameras and motion capture, which fly nothing, are received here.
 
-    Args:
-        scene: Agents, each with the address of its link.
-        options: As a mission states them.
-
     Raises:
         PluginError: The motion-capture system is not available.
     """

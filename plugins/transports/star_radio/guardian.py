@@ -84,12 +84,7 @@ class Lines(logging.Handler):
 class Guardian:
     """Serves the transport to a flight, and flies the agents when the flight does not.
 
-    Args:
-        scene: The agents and the world.
-        radio: Their links.
-        connection: To the flight.
-        lines: Log messages for it.
-        landing_timeout: Time after the flight within which agents are landed, s.
+    After the flight it lands agents for at most `landing_timeout`, s.
     """
 
     def __init__(

@@ -107,9 +107,6 @@ class Inspection:
 class Inspector:
     """Connects to drones, and inspects them in parallel.
 
-    Args:
-        uris: Links by name.
-
     Attributes:
         vehicles: The drones by name.
         faults: By name, why a drone is not reached or does not answer.
@@ -135,11 +132,7 @@ class Inspector:
         self._udp_links.close()
 
     def inspect(self, *, settle: bool) -> dict[str, Inspection]:
-        """Return the condition of each drone that is reached.
-
-        Args:
-            settle: Whether to wait for estimators that have not converged.
-        """
+        """Return the condition of each drone that is reached; `settle` waits for estimators."""
 
         def inspect(vehicle: Vehicle) -> Inspection:
             vehicle.connect(UNCHANGED, self._tables, self._period, None)

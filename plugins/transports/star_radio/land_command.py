@@ -91,9 +91,6 @@ class Rescue:
     A thread for each drone connects, again until it succeeds. What flies the drone is left alone
     until then: neither its groups nor the priority of setpoints change before it is commanded to
     land.
-
-    Args:
-        uris: Links by name.
     """
 
     def __init__(self, uris: dict[str, str]) -> None:

@@ -23,10 +23,6 @@ class Landings:
     A drone that is heard, may be in the air and does not descend receives its last command again
     every `REPEAT_PERIOD`: one whose link returns, for example. One that is not heard receives
     none, since it may have landed, and another landing would start its motors.
-
-    Args:
-        vehicles: The drone of each row.
-        ground: What shows that they are down.
     """
 
     def __init__(self, vehicles: Sequence[Vehicle], ground: GroundEvidence) -> None:
@@ -42,12 +38,7 @@ class Landings:
         self._due[row] = now + REPEAT_PERIOD
 
     def repeat(self, telemetry: Telemetry, aloft: Mask) -> list[int]:
-        """Command drones again that were commanded and may be in the air; return their rows.
-
-        Args:
-            telemetry: Newest reports.
-            aloft: (N,) drones that may be in the air.
-        """
+        """Command drones again that were commanded and may be in the air; return their rows."""
         now = time.monotonic()
         height = telemetry.position[:, 2]
         low = (height < LANDED_HEIGHT) | (telemetry.velocity[:, 2] < -DESCENDS)

@@ -36,10 +36,6 @@ def _sources() -> tuple[Registry, Any]:
 class TrueBodies:
     """The bodies of the agents, by a motion-capture system.
 
-    Args:
-        scene: The agents.
-        options: Of the system: see the option ``mocap``.
-
     Raises:
         PluginError: It does not answer, or its package is not installed.
     """

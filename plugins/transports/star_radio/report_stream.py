@@ -19,16 +19,11 @@ from star_radio.handover import Report
 from star_radio.report import BLOCK, STATE, Clock, Layout, Z, stamp
 
 RESTORE_AFTER: Final = 0.5  # s without a report, after which the drone may have lost its log block
-POLL_PERIOD: Final = 0.005  # s, between checks for the first report
 MAX_BUFFERED_REPORTS: Final = 1000  # 10 s of reports, for a reader that is late
 
 
 class ReportStream:
     """Reports of a drone's state.
-
-    Args:
-        link: Its link.
-        others: Called with the payload of every other report, in the receiving thread.
 
     Attributes:
         layout: Layout of the reports; None before `begin`.
@@ -48,40 +43,29 @@ class ReportStream:
         self._newest = b""
         self._wrong_size = False  # whether a report of the wrong size has arrived since `heard`
         self._restorer: log_blocks.Restorer | None = None
-        self._restore_due = 0.0  # s
 
     def begin(self, layout: Layout, table: Table, period: float, ask: Ask, timeout: float) -> None:
-        """Start the reports, blocking.
-
-        Args:
-            layout: Of the reports.
-            table: The drone's log table.
-            period: Time between two reports, s.
-            ask: Asks the drone.
-            timeout: For the first report, s.
-        """
+        """Start reports every `period`, s, blocking for up to `timeout`, s, until the first."""
         self.layout = layout
         self._link.report = self._take
 
         def reported() -> bool | None:
             began, self._wrong_size = time.monotonic(), False
-            while self.heard < began:
-                if self._wrong_size or time.monotonic() > began + timeout:
-                    return False if self._wrong_size else None
-                time.sleep(POLL_PERIOD)
-            return True
+
+            def arrived() -> bool | None:
+                return self.heard >= began or (False if self._wrong_size else None)
+
+            return log_blocks.await_report(arrived, timeout)
 
         variables = layout.variables(table)
         log_blocks.begin(BLOCK, variables, period, ask, "its state", reported)
-        self._restorer = log_blocks.Restorer(self._link, BLOCK, variables, period)
+        block = BLOCK, variables, period
+        self._restorer = log_blocks.Restorer(self._link, block, RESTORE_AFTER)
 
     def restore(self, now: float) -> None:
         """Restart the reports if none has arrived for `RESTORE_AFTER`, without blocking."""
-        restorer = self._restorer
-        late = now - self.heard >= RESTORE_AFTER and now >= self._restore_due
-        if restorer is not None and late and not restorer.busy:
-            self._restore_due = now + RESTORE_AFTER
-            restorer.restore(anew=self._wrong_size)
+        anew = self._wrong_size
+        if self._restorer is not None and self._restorer.restore(now, self.heard, anew=anew):
             self._wrong_size = False
 
     def take_all(self) -> list[tuple[float, bytes]]:

@@ -58,11 +58,8 @@ class Steering(Protocol):
 class Velocities:
     """Sends each drone a velocity and a yaw rate that turns it to its heading.
 
-    Velocities along trajectories make up for the lag of the firmware's PID controller.
-
-    Args:
-        n: Number of agents.
-        period: Of the ticks, s.
+    Velocities along trajectories make up for the lag of the firmware's PID controller, for ticks
+    of `period`, s.
     """
 
     def __init__(self, n: int, period: float) -> None:
@@ -98,11 +95,6 @@ class WholeStates:
     is reset for a row that is inactive in a setpoint, and for all rows after `SETPOINT_TIMEOUT`
     without one. A state that cannot be encoded, because the reported position is missing or too
     far away, is sent as a velocity.
-
-    Args:
-        n: Number of agents.
-        period: Of the ticks, s.
-        now: Clock, s.
     """
 
     def __init__(self, n: int, period: float, now: Callable[[], float] = time.monotonic) -> None:

@@ -69,9 +69,6 @@ class Takeoffs:
 
     A start is repeated only if a later report shows that it had no effect: another one during the
     climb would begin a second climb from there.
-
-    Args:
-        vehicles: The drone of each row.
     """
 
     def __init__(self, vehicles: Sequence[Vehicle]) -> None:

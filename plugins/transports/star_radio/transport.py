@@ -92,10 +92,6 @@ class Radio:
     Only `connect`, `upload` and `close` block on a drone: packets that need a confirmation are
     repeated in `wait`, and unconfirmed ones are logged.
 
-    Args:
-        scene: Agents, each with the address of its link.
-        options: As a mission states them.
-
     Attributes:
         vehicles: The drone of each row.
         connected: (N,) which of them are connected, and did not reboot.
@@ -139,10 +135,7 @@ class Radio:
         self.progress = connecting(len(self.vehicles), self.settling)
 
     def connect(self, *, shown: bool = True) -> None:
-        """Open all links in parallel.
-
-        Args:
-            shown: Whether to report the progress on stderr.
+        """Open all links in parallel; the progress is `shown` on stderr.
 
         Raises:
             PluginError: Agents cannot be reached, or cannot fly; the message lists each with its

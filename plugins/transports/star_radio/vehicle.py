@@ -49,10 +49,6 @@ class CommandFailure(NamedTuple):
 class Vehicle:
     """A Crazyflie over its link.
 
-    Args:
-        name: Name of the agent.
-        link: Its link; not open yet.
-
     Attributes:
         version: Protocol version of its firmware.
         stream: Its reports.

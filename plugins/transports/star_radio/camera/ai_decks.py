@@ -153,13 +153,7 @@ CLOSE_TIMEOUT: Final = 2.0  # s, for the thread to end
 
 
 class CameraClient:
-    """Reads one deck's stream, and reconnects within a second when it is lost.
-
-    Args:
-        host: The deck's host.
-        port: Its port.
-        shape: Height and width of its images, px.
-    """
+    """Reads one deck's images of a shape, (height, width) px; reconnects within a second."""
 
     def __init__(self, host: str, port: int, shape: tuple[int, int] = SHAPE) -> None:
         self._host, self._port, self._shape = host, port, shape

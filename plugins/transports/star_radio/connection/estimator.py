@@ -27,7 +27,6 @@ NOISE: Final = ("locSrv.extPosStdDev", "locSrv.extQuatStdDev")  # of corrections
 TOLERANCE: Final = 0.1  # relative change of the noise that is not sent
 _FLOAT: Final = 7  # type of the log protocol
 _DATA: Final = struct.Struct("<B3x3f")
-_POLL_PERIOD: Final = 0.005  # s
 
 
 def reset_estimator(parameters: Table, ask: Ask) -> None:
@@ -79,7 +78,7 @@ class ConvergenceWait:
                     "Flow deck is attached and the drone does not move, or set 'reset: false'",
                     "estimator-unsettled",
                 )
-            time.sleep(_POLL_PERIOD)
+            time.sleep(log_blocks.POLL_PERIOD)
         packet = packets.delete_block(BLOCK)
         ask([Question.of(packet, packet[1:3], "the end of reports of its estimator")])
 
@@ -89,10 +88,7 @@ class ConvergenceWait:
 
     def _reported(self) -> bool | None:
         """Wait for a report; return True if one arrived, else None."""
-        until = time.monotonic() + REPORT_TIMEOUT
-        while self._silent and time.monotonic() < until:
-            time.sleep(_POLL_PERIOD)
-        return None if self._silent else True
+        return log_blocks.await_report(lambda: None if self._silent else True, REPORT_TIMEOUT)
 
 
 class EstimatorNoise:

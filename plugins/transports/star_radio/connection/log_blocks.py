@@ -12,6 +12,7 @@ flight, without blocking.
 from __future__ import annotations
 
 import errno
+import time
 from collections.abc import Callable, Iterator
 from typing import Final
 
@@ -20,6 +21,7 @@ from star_radio.connection import packets
 from star_radio.connection.link import Link
 from star_radio.connection.questions import Ask, Question
 
+POLL_PERIOD: Final = 0.005  # s, between checks for the first report
 MAX_TRIES: Final = 2  # for a block that is refused or not reported
 TOPIC: Final = "reports"  # with which the topics of the questions of a `Restorer` begin
 _VARIABLES: Final = (packets.MAX_PAYLOAD - 2) // 3 * 3  # bytes of variables per packet, 3 for each
@@ -47,7 +49,7 @@ def begin(
         period: Time between two reports, s.
         ask: Asks the drone.
         what: Name of the block, for messages.
-        reported: Waits for a report; returns whether it has the right size, None if none arrived.
+        reported: Waits for a report, by `await_report`; returns what that does.
     """
     tries = 0
     while True:
@@ -63,6 +65,17 @@ def begin(
             raise PluginError(f"it does not report {what}", "no-answer")
 
 
+def await_report(arrived: Callable[[], bool | None], timeout: float) -> bool | None:
+    """Wait up to `timeout`, s, for a report; return whether it has the right size, None if none.
+
+    `arrived` returns the same at once.
+    """
+    end = time.monotonic() + timeout
+    while (right := arrived()) is None and time.monotonic() <= end:
+        time.sleep(POLL_PERIOD)
+    return right
+
+
 class Restorer:
     """Restarts a log block, or creates it again if the drone has lost it; never blocks.
 
@@ -71,24 +84,30 @@ class Restorer:
 
     Args:
         link: To the drone.
-        number: Number of the block.
-        variables: Type and number of each variable, in the order of the reports.
-        period: Time between two reports, s.
+        block: Number, variables and period, as for `begin`.
+        after: Time without a report after which the drone may have lost it, s.
     """
 
-    def __init__(self, link: Link, number: int, variables: bytes, period: float) -> None:
-        self._link = link
-        self._block = number, variables, period
+    def __init__(self, link: Link, block: tuple[int, bytes, float], after: float) -> None:
+        self._link, self._block, self._after = link, block, after
         self._question: Question | None = None
+        self._due = 0.0  # s
 
-    @property
-    def busy(self) -> bool:
-        """Whether a request is still repeated."""
+    def restore(self, now: float, heard: float, *, anew: bool = False) -> bool:
+        """Restart the block if that is due at `now`, s; create it `anew` whether or not it exists.
+
+        Returns whether it was due: its last report arrived at `heard`, s, which is long ago, and
+        the last request is no longer repeated.
+        """
         question = self._question
-        return question is not None and question.answer is None and question.retries >= 0
+        busy = question is not None and question.answer is None and question.retries >= 0
+        if busy or now - heard < self._after or now < self._due:
+            return False
+        self._due = now + self._after
+        self._restart(anew=anew)
+        return True
 
-    def restore(self, *, anew: bool) -> None:
-        """Restart the block; create it `anew` whether or not it exists."""
+    def _restart(self, *, anew: bool) -> None:
         number, _variables, period = self._block
         if anew:
             self._request(_requests(*self._block))
@@ -105,7 +124,7 @@ class Restorer:
             error = answer[2] if len(answer) > 2 else 0  # noqa: PLR2004 -- command, block, error
             command = packet[1:2]
             if command == packets.START and error == errno.ENOENT:
-                self.restore(anew=True)
+                self._restart(anew=True)
             elif command == packets.DELETE or error in {0, _EXISTS, _TOO_LARGE}:
                 self._request(requests)
 

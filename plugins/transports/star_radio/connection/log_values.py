@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import struct
-import time
 from collections.abc import Sequence
 from typing import Final
 
@@ -16,7 +15,6 @@ PERIOD: Final = 0.1  # s
 MAX_VARIABLES: Final = 6  # floats of one report
 _FLOAT: Final = 7  # type of the log protocol
 _HEAD: Final = 4  # bytes: block and timestamp
-_POLL_PERIOD: Final = 0.005  # s
 
 
 class LogValues:
@@ -33,26 +31,18 @@ class LogValues:
     def read(
         self, table: Table, names: Sequence[str], ask: Ask, timeout: float
     ) -> dict[str, float]:
-        """Return the values of at most six variables by name, without those it lacks; this blocks.
-
-        Args:
-            table: The drone's log table.
-            names: Of the variables.
-            ask: Asks the drone.
-            timeout: For the report, s.
-        """
+        """Return at most six values by name, without those it lacks; blocks for `timeout`, s."""
         present = [name for name in names[:MAX_VARIABLES] if name in table]
         if not present:
             return {}
         form = struct.Struct(f"<{len(present)}f")
 
         def reported() -> bool | None:
-            self._newest, end = b"", time.monotonic() + timeout
-            while not self._newest:
-                if time.monotonic() > end:
-                    return None
-                time.sleep(_POLL_PERIOD)
-            return len(self._newest) == _HEAD + form.size
+            self._newest = b""
+            size = _HEAD + form.size
+            return log_blocks.await_report(
+                lambda: len(self._newest) == size if self._newest else None, timeout
+            )
 
         ids = b"".join(packets.log_variable(_FLOAT, table[name].number) for name in present)
         log_blocks.begin(BLOCK, ids, PERIOD, ask, "single values", reported)

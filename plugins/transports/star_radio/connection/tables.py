@@ -49,11 +49,7 @@ Table: TypeAlias = Mapping[str, Entry]
 
 
 class Tables:
-    """Tables of contents by checksum: each firmware's is read once, from one drone.
-
-    Args:
-        folder: Cache folder.
-    """
+    """Tables of contents by checksum: each firmware's is read once, from one drone."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder

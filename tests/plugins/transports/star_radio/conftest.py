@@ -145,3 +145,15 @@ def connect(make: Open) -> Open:
         return radio
 
     return connect
+
+
+@pytest.fixture
+def drone(peers: Peers) -> Peer:
+    """A peer on the virtual clock."""
+    return peers()[0]
+
+
+@pytest.fixture
+def radio(drone: Peer, connect: Open) -> Radio:
+    """A radio that is connected to the drone."""
+    return connect([drone])

@@ -12,12 +12,12 @@ from pathlib import Path
 import pytest
 
 from star_core import PluginError
+from star_radio.transport import Radio
 from tests.plugins.transports.star_radio.conftest import UNSERVED, Open, Peers, ticks
 from tests.plugins.transports.star_radio.peer import PARAMETERS, VALUES, Peer
 
 
-def test_a_drone_reports_as_soon_as_it_is_connected(peers: Peers, connect: Open) -> None:
-    [drone] = peers()
+def test_a_drone_reports_as_soon_as_it_is_connected(drone: Peer, connect: Open) -> None:
     drone.values["stateEstimateZ.x"] = 1500
     radio = connect([drone])
     telemetry = radio.receive()
@@ -25,8 +25,7 @@ def test_a_drone_reports_as_soon_as_it_is_connected(peers: Peers, connect: Open)
     assert telemetry.age[0] < 0.5
 
 
-def test_the_estimator_starts_anew(peers: Peers, connect: Open) -> None:
-    [drone] = peers()
+def test_the_estimator_starts_anew(drone: Peer, connect: Open) -> None:
     connect([drone])
     assert drone.sent_to(2, 2)[:2] == [b"\0\0\1", b"\0\0\0"]
 
@@ -34,8 +33,7 @@ def test_the_estimator_starts_anew(peers: Peers, connect: Open) -> None:
 VARIANCES = {f"kalman.var{axis}": 1e-4 for axis in ("PX", "PY", "PZ")}
 
 
-def test_an_estimator_is_waited_for_until_it_has_settled(peers: Peers, connect: Open) -> None:
-    [drone] = peers()
+def test_an_estimator_is_waited_for_until_it_has_settled(drone: Peer, connect: Open) -> None:
     drone.values |= VARIANCES
     report, begun = drone.report, time.monotonic()
 
@@ -138,8 +136,7 @@ def test_an_old_answer_is_not_taken_for_a_new_one(
     assert radio.receive().age[0] < 0.5
 
 
-def test_reports_that_end_again_are_begun_anew(peers: Peers, connect: Open) -> None:
-    [drone] = peers()
+def test_reports_that_end_again_are_begun_anew(drone: Peer, connect: Open) -> None:
     drone.values |= VARIANCES
     answer, begun = drone._log, 0
 
@@ -156,8 +153,7 @@ def test_reports_that_end_again_are_begun_anew(peers: Peers, connect: Open) -> N
     assert begun > 1
 
 
-def test_every_absent_drone_is_named(peers: Peers, make: Open) -> None:
-    [drone] = peers()
+def test_every_absent_drone_is_named(drone: Peer, make: Open) -> None:
     radio = make([UNSERVED, drone.uri, "udp://127.0.0.1:7"])
     with pytest.raises(PluginError) as caught:
         radio.connect()
@@ -172,9 +168,8 @@ def test_every_absent_drone_is_named(peers: Peers, make: Open) -> None:
 
 
 def test_the_others_fly_without_an_absent_drone(
-    peers: Peers, make: Open, caplog: pytest.LogCaptureFixture
+    drone: Peer, make: Open, caplog: pytest.LogCaptureFixture
 ) -> None:
-    [drone] = peers()
     radio = make([UNSERVED, drone.uri], absent="fly-without")
     begun = time.monotonic()
     radio.connect()
@@ -228,9 +223,8 @@ def confuse(drone: Peer, method: str, answer: bytes) -> None:
     ],
 )
 def test_a_drone_that_cannot_be_flown_is_named(
-    peers: Peers, connect: Open, spoil: Callable[[Peer], object], problem: str
+    drone: Peer, connect: Open, spoil: Callable[[Peer], object], problem: str
 ) -> None:
-    [drone] = peers()
     spoil(drone)
     with pytest.raises(PluginError, match=rf"cf1 \(.*{problem}"):
         connect([drone], parameters={"ring.effect": 7})
@@ -250,16 +244,14 @@ MOTORS = "parameter 'motorPowerSet.enable' would run motors past the safety filt
     ],
 )
 def test_a_parameter_that_cannot_be_set_is_named(
-    peers: Peers, connect: Open, name: str, value: float, message: str
+    drone: Peer, connect: Open, name: str, value: float, message: str
 ) -> None:
-    [drone] = peers()
     with pytest.raises(PluginError, match=f"cf1 .{message}"):
         connect([drone], parameters={name: value})
     assert drone.stored.get(name, b"") == PARAMETERS.get(name, (0, b""))[1]
 
 
-def test_parameters_are_set_in_their_own_types(peers: Peers, connect: Open) -> None:
-    [drone] = peers()
+def test_parameters_are_set_in_their_own_types(drone: Peer, connect: Open) -> None:
     connect([drone], parameters={"velCtlPid.vxKp": 22.5, "ring.effect": 7})
     assert drone.stored["velCtlPid.vxKp"] == struct.pack("<f", 22.5)
     assert drone.stored["ring.effect"] == b"\7"
@@ -295,9 +287,7 @@ def test_parameters_are_set_in_flight_until_confirmed(
     ]
 
 
-def test_closing_neither_locks_a_drone_nor_leaves_it_reporting(peers: Peers, connect: Open) -> None:
-    [drone] = peers()
-    radio = connect([drone])
+def test_closing_neither_locks_a_drone_nor_leaves_it_reporting(drone: Peer, radio: Radio) -> None:
     before = len(drone.got)
     radio.close()
     radio.close()

@@ -10,7 +10,7 @@ import pytest
 from star_core import Array, PluginError
 from star_radio.extra_reports import ACCELEROMETER, POSITION_VARIANCE
 from star_radio.transport import Radio
-from tests.plugins.transports.star_radio.conftest import Open, Peers, ticks
+from tests.plugins.transports.star_radio.conftest import Open, ticks
 from tests.plugins.transports.star_radio.peer import LINK_TIMEOUT, Peer
 from tests.plugins.transports.star_radio.test_report_stream import cut
 
@@ -25,8 +25,7 @@ def force(radio: Radio) -> Array:
     return first
 
 
-def test_the_accelerometer_is_reported_beside_the_state(peers: Peers, connect: Open) -> None:
-    [drone] = peers()
+def test_the_accelerometer_is_reported_beside_the_state(drone: Peer, connect: Open) -> None:
     drone.values |= FORCE
     radio = connect([drone])
     assert force(radio) == pytest.approx(MEASURED, rel=1e-3)
@@ -34,8 +33,7 @@ def test_the_accelerometer_is_reported_beside_the_state(peers: Peers, connect: O
     assert force(radio)[0] == pytest.approx(9.81 * 0.04, rel=1e-3)
 
 
-def test_its_log_block_is_created_again_after_a_cut_link(peers: Peers, connect: Open) -> None:
-    [drone] = peers()
+def test_its_log_block_is_created_again_after_a_cut_link(drone: Peer, connect: Open) -> None:
     drone.values |= FORCE
     radio = connect([drone])
     cut(drone, radio, LINK_TIMEOUT + 0.5)
@@ -46,15 +44,13 @@ def test_its_log_block_is_created_again_after_a_cut_link(peers: Peers, connect: 
     assert force(radio) == pytest.approx(MEASURED, rel=1e-3)
 
 
-def test_a_drone_that_refuses_the_log_block_flies_without(peers: Peers, connect: Open) -> None:
-    [drone] = peers()
+def test_a_drone_that_refuses_the_log_block_flies_without(drone: Peer, connect: Open) -> None:
     drone.values |= FORCE
     refuse(drone, ACCELEROMETER.number)
     assert np.isnan(force(connect([drone]))).all()
 
 
-def test_firmware_without_the_variables_is_not_asked_for_them(peers: Peers, connect: Open) -> None:
-    [drone] = peers()
+def test_firmware_without_the_variables_is_not_asked_for_them(drone: Peer, connect: Open) -> None:
     assert np.isnan(force(connect([drone]))).all()
     assert all(packet[1:3] != bytes([6, ACCELEROMETER.number]) for packet in drone.got)
 
@@ -80,8 +76,7 @@ def in_map(peers: list[Peer], make: Open) -> Radio:
     return radio
 
 
-def test_variances_of_positions_are_reported_where_they_count(peers: Peers, make: Open) -> None:
-    [drone] = peers()
+def test_variances_of_positions_are_reported_where_they_count(drone: Peer, make: Open) -> None:
     drone.values |= VARIANCE
     radio = in_map([drone], make)
     variance = ticks(radio, 11)[-1].position_variance
@@ -93,8 +88,7 @@ def test_variances_of_positions_are_reported_where_they_count(peers: Peers, make
     assert np.isnan(silent).all()
 
 
-def test_without_them_other_localizers_fly(peers: Peers, connect: Open) -> None:
-    [drone] = peers()
+def test_without_them_other_localizers_fly(drone: Peer, connect: Open) -> None:
     drone.values |= VARIANCE
     radio = connect([drone])
     assert ticks(radio, 11)[-1].position_variance is None
@@ -103,9 +97,8 @@ def test_without_them_other_localizers_fly(peers: Peers, connect: Open) -> None:
 
 @pytest.mark.parametrize(("logs", "code"), [(False, "update it"), (True, "no memory left")])
 def test_a_drone_that_cannot_report_them_does_not_fly(
-    peers: Peers, make: Open, *, logs: bool, code: str
+    drone: Peer, make: Open, *, logs: bool, code: str
 ) -> None:
-    [drone] = peers()
     if logs:
         drone.values |= VARIANCE
         refuse(drone, POSITION_VARIANCE.number)

@@ -24,6 +24,7 @@ from star_core.toolkit import Refusal
 from star_radio import orders
 from star_radio.transport import Radio
 from tests.plugins.transports.star_radio.conftest import TICK, UNSERVED, Open, Peers, command, ticks
+from tests.plugins.transports.star_radio.peer import Peer
 
 PLACE = (1.0, 2.0, 0.8)  # m
 
@@ -44,8 +45,7 @@ def velocity_of(payload: bytes) -> tuple[float, ...]:
     return tuple(values)
 
 
-def test_telemetry_is_in_si_and_right_handed(peers: Peers, connect: Open) -> None:
-    [drone] = peers()
+def test_telemetry_is_in_si_and_right_handed(drone: Peer, connect: Open) -> None:
     drone.values |= {
         "stateEstimateZ.x": 1000, "stateEstimateZ.y": -500, "stateEstimateZ.z": 800,
         "stateEstimateZ.vx": 100, "stateEstimateZ.vy": 200, "stateEstimateZ.vz": -50,
@@ -128,8 +128,7 @@ def test_a_tick_that_is_late_does_not_wait(make: Open) -> None:
     assert time.monotonic() - begun < 0.05
 
 
-def test_a_drone_is_polled_while_nothing_is_sent(peers: Peers, connect: Open) -> None:
-    [drone] = peers()
+def test_a_drone_is_polled_while_nothing_is_sent(drone: Peer, connect: Open) -> None:
     connect([drone])
     assert drone.until(lambda: drone.echoes >= 2)
 
@@ -172,23 +171,19 @@ def test_setpoints_go_to_the_active_rows_only(peers: Peers, connect: Open) -> No
 
 
 @pytest.mark.parametrize(("yaw", "rate"), [(0.1, 0.3), (-0.1, -0.3), (3.0, 2.0), (-3.0, -2.0)])
-def test_a_heading_is_turned_to(peers: Peers, connect: Open, yaw: float, rate: float) -> None:
-    [drone] = peers()
-    radio = connect([drone])
+def test_a_heading_is_turned_to(drone: Peer, radio: Radio, yaw: float, rate: float) -> None:
     radio.receive()
     radio.send(flown(np.zeros((1, 3)), yaw))
     assert drone.until(lambda: bool(drone.sent_to(7, 0)))
     assert velocity_of(drone.sent_to(7, 0)[0])[3] == pytest.approx(math.degrees(rate), rel=1e-3)
 
 
-def test_a_setpoint_that_is_not_finite_is_refused(peers: Peers, connect: Open) -> None:
-    radio = connect(peers())
+def test_a_setpoint_that_is_not_finite_is_refused(radio: Radio) -> None:
     with pytest.raises(ContractError, match="the setpoint of cf1 is not finite"):
         radio.send(flown(np.full((1, 3), np.nan)))
 
 
-def test_an_absent_agent_is_sent_nothing(peers: Peers, make: Open) -> None:
-    [drone] = peers()
+def test_an_absent_agent_is_sent_nothing(drone: Peer, make: Open) -> None:
     radio = make([UNSERVED, drone.uri], absent="fly-without")
     radio.connect()
     assert radio.send(flown(np.zeros((2, 3)))).active.tolist() == [False, True]
@@ -197,9 +192,7 @@ def test_an_absent_agent_is_sent_nothing(peers: Peers, make: Open) -> None:
     assert drone.until(lambda: bool(drone.ordered))
 
 
-def test_orders_follow_the_last_setpoint_and_end_setpoints(peers: Peers, connect: Open) -> None:
-    [drone] = peers()
-    radio = connect([drone])
+def test_orders_follow_the_last_setpoint_and_end_setpoints(drone: Peer, radio: Radio) -> None:
     radio.receive()
     before = len(drone.got)
     radio.send(flown(np.zeros((1, 3))))
@@ -211,11 +204,7 @@ def test_orders_follow_the_last_setpoint_and_end_setpoints(peers: Peers, connect
     assert [packet[0] for packet in drone.got[before : before + 3]] == [0x70, 0x80, 0x71]
 
 
-def test_setpoints_are_not_ended_while_an_order_is_not_answered(
-    peers: Peers, connect: Open
-) -> None:
-    [drone] = peers()
-    radio = connect([drone])
+def test_setpoints_are_not_ended_while_an_order_is_not_answered(drone: Peer, radio: Radio) -> None:
     drone.lose[b"\x80\x08"] = 2
     before = len(drone.got)
     radio.command(command(Order.LAND))
@@ -223,9 +212,7 @@ def test_setpoints_are_not_ended_while_an_order_is_not_answered(
     assert [packet[0] for packet in drone.got[before : before + 4]] == [0x80, 0x80, 0x80, 0x71]
 
 
-def test_a_stop_waits_for_nothing(peers: Peers, connect: Open) -> None:
-    [drone] = peers()
-    radio = connect([drone])
+def test_a_stop_waits_for_nothing(drone: Peer, radio: Radio) -> None:
     drone.lose[b"\x80\x03"] = 100
     before = len(drone.got)
     radio.send(flown(np.zeros((1, 3))))
@@ -234,9 +221,7 @@ def test_a_stop_waits_for_nothing(peers: Peers, connect: Open) -> None:
     assert [packet[0] for packet in drone.got[before : before + 3]] == [0x70, 0x80, 0x71]
 
 
-def test_a_drone_is_armed_before_it_takes_off(peers: Peers, connect: Open) -> None:
-    [drone] = peers()
-    radio = connect([drone])
+def test_a_drone_is_armed_before_it_takes_off(drone: Peer, radio: Radio) -> None:
     before = len(drone.got)
     radio.command(command(Order.TAKEOFF, position=PLACE))
     assert drone.until(lambda: len(drone.got) >= before + 3)
@@ -255,24 +240,21 @@ def test_a_drone_is_armed_before_it_takes_off(peers: Peers, connect: Open) -> No
     ],
 )
 def test_orders_are_addressed_to_the_group_of_the_drone(
-    peers: Peers, connect: Open, order: Order, packet: bytes
+    drone: Peer, connect: Open, order: Order, packet: bytes
 ) -> None:
-    [drone] = peers()
     connect([drone]).command(command(order, position=PLACE, yaw=0.5, duration=2.0))
     assert drone.sent_to(8, 0)[0] == orders.set_groups(orders.MISSION)[1:]
     assert drone.until(lambda: drone.ordered == [packet[1:]])
 
 
-def test_arming_is_an_order_of_its_own(peers: Peers, connect: Open) -> None:
-    [drone] = peers()
+def test_arming_is_an_order_of_its_own(drone: Peer, connect: Open) -> None:
     connect([drone]).command(command(Order.ARM))
     assert drone.until(lambda: drone.sent_to(9, 1) == [b"\1\1"])
 
 
 def test_an_order_is_given_again_while_the_supervisor_blocks_it(
-    peers: Peers, connect: Open, caplog: pytest.LogCaptureFixture
+    drone: Peer, connect: Open, caplog: pytest.LogCaptureFixture
 ) -> None:
-    [drone] = peers()
     drone.errors[7] = [16, 16]
     radio = connect([drone])
     radio.command(command(Order.TAKEOFF))
@@ -281,9 +263,7 @@ def test_an_order_is_given_again_while_the_supervisor_blocks_it(
     assert caplog.text == ""
 
 
-def test_a_newer_order_replaces_one_that_is_not_confirmed(peers: Peers, connect: Open) -> None:
-    [drone] = peers()
-    radio = connect([drone])
+def test_a_newer_order_replaces_one_that_is_not_confirmed(drone: Peer, radio: Radio) -> None:
     drone.lose[b"\x80\7"] = 100
     radio.command(command(Order.TAKEOFF))
     radio.command(command(Order.LAND))
@@ -297,9 +277,8 @@ def test_a_newer_order_replaces_one_that_is_not_confirmed(peers: Peers, connect:
     [(8, "it does not know it"), (16, "its supervisor blocks it"), (5, "error 5")],
 )
 def test_an_order_that_is_refused_is_reported(
-    peers: Peers, connect: Open, caplog: pytest.LogCaptureFixture, error: int, words: str
+    drone: Peer, connect: Open, caplog: pytest.LogCaptureFixture, error: int, words: str
 ) -> None:
-    [drone] = peers()
     drone.errors[8] = [error] * 100
     radio = connect([drone])
     radio.command(command(Order.LAND))
@@ -308,9 +287,8 @@ def test_an_order_that_is_refused_is_reported(
 
 
 def test_a_take_off_whose_answer_got_lost_is_not_refused(
-    peers: Peers, connect: Open, caplog: pytest.LogCaptureFixture
+    drone: Peer, connect: Open, caplog: pytest.LogCaptureFixture
 ) -> None:
-    [drone] = peers()
     drone.lose[b"\x80\7"] = 1
     drone.errors[7] = [0, 1]  # told again, it says that a plan is in the way
     radio = connect([drone])
@@ -322,9 +300,8 @@ def test_a_take_off_whose_answer_got_lost_is_not_refused(
 
 @pytest.mark.parametrize("errors", [[1], [16, 1]])
 def test_a_take_off_that_a_plan_is_in_the_way_of_is_refused(
-    peers: Peers, connect: Open, errors: list[int]
+    drone: Peer, connect: Open, errors: list[int]
 ) -> None:
-    [drone] = peers()
     drone.errors[7] = [*errors]
     radio = connect([drone])
     radio.command(command(Order.TAKEOFF))
@@ -333,10 +310,8 @@ def test_a_take_off_that_a_plan_is_in_the_way_of_is_refused(
 
 @pytest.mark.usefixtures("soon")
 def test_an_order_that_is_never_confirmed_is_reported(
-    peers: Peers, connect: Open, caplog: pytest.LogCaptureFixture
+    drone: Peer, radio: Radio, caplog: pytest.LogCaptureFixture
 ) -> None:
-    [drone] = peers()
-    radio = connect([drone])
     drone.mute.set()
     radio.command(command(Order.GOTO))
     assert refusals(radio, 14) == []
@@ -344,15 +319,13 @@ def test_an_order_that_is_never_confirmed_is_reported(
 
 
 @pytest.mark.parametrize(("stop", "locks"), [("lock", [b"\3"] * 3), ("motors", [])])
-def test_a_stop_can_lock(peers: Peers, connect: Open, stop: str, locks: list[bytes]) -> None:
-    [drone] = peers()
+def test_a_stop_can_lock(drone: Peer, connect: Open, stop: str, locks: list[bytes]) -> None:
     connect([drone], stop=stop).command(command(Order.STOP))
     assert drone.until(lambda: bool(drone.ordered))
     assert drone.sent_to(9, 1) == locks
 
 
-def test_the_watchdog_is_fed(peers: Peers, connect: Open) -> None:
-    [drone] = peers()
+def test_the_watchdog_is_fed(drone: Peer, connect: Open) -> None:
     radio = connect([drone], watchdog=True)
     ticks(radio, 12)
     assert drone.sent_to(9, 1)[:2] == [b"\4", b"\4"]
@@ -368,9 +341,7 @@ def seen(position: float, attitude: float) -> Corrections:
     )
 
 
-def test_corrections_follow_their_standard_deviations(peers: Peers, connect: Open) -> None:
-    [drone] = peers()
-    radio = connect([drone])
+def test_corrections_follow_their_standard_deviations(drone: Peer, radio: Radio) -> None:
     before = len(drone.got)
     radio.correct(seen(0.05, 0.1))
     assert drone.until(lambda: bool(drone.sent_to(6, 1)))
@@ -380,9 +351,7 @@ def test_corrections_follow_their_standard_deviations(peers: Peers, connect: Ope
     assert drone.sent_to(6, 1) == [orders.measured_pose((1, 2, 3), (0, 0, 0, 1))[1:]]
 
 
-def test_a_position_alone_is_reported_without_an_attitude(peers: Peers, connect: Open) -> None:
-    [drone] = peers()
-    radio = connect([drone])
+def test_a_position_alone_is_reported_without_an_attitude(drone: Peer, radio: Radio) -> None:
     before = len(drone.got)
     radio.correct(seen(0.05, math.inf))
     assert drone.until(lambda: bool(drone.sent_to(6, 0)))
@@ -391,9 +360,7 @@ def test_a_position_alone_is_reported_without_an_attitude(peers: Peers, connect:
     assert drone.sent_to(6, 0) == [orders.measured_position((1, 2, 3))[1:]]
 
 
-def test_deviations_are_sent_when_they_change(peers: Peers, connect: Open) -> None:
-    [drone] = peers()
-    radio = connect([drone])
+def test_deviations_are_sent_when_they_change(drone: Peer, radio: Radio) -> None:
     before = len(drone.sent_to(2, 2))
     for deviation in (0.05, 0.052, 0.0548, 0.06):
         radio.correct(seen(deviation, 0.1))
@@ -402,9 +369,7 @@ def test_deviations_are_sent_when_they_change(peers: Peers, connect: Open) -> No
 
 
 @pytest.mark.usefixtures("soon")
-def test_a_deviation_that_was_given_up_is_reported_anew(peers: Peers, connect: Open) -> None:
-    [drone] = peers()
-    radio = connect([drone])
+def test_a_deviation_that_was_given_up_is_reported_anew(drone: Peer, radio: Radio) -> None:
     drone.lose[b"\x22\1\0"] = 10
     before = len(drone.sent_to(2, 2))
     radio.correct(seen(0.05, 0.1))
@@ -420,10 +385,8 @@ def test_a_deviation_that_was_given_up_is_reported_anew(peers: Peers, connect: O
 
 @pytest.mark.usefixtures("soon")
 def test_deviations_given_up_repeatedly_are_reported_once(
-    peers: Peers, connect: Open, caplog: pytest.LogCaptureFixture
+    drone: Peer, radio: Radio, caplog: pytest.LogCaptureFixture
 ) -> None:
-    [drone] = peers()
-    radio = connect([drone])
     drone.lose[b"\x22\1\0"] = 21
     for _ in range(3):
         radio.correct(seen(0.05, 0.1))
@@ -439,9 +402,7 @@ def test_firmware_that_cannot_receive_deviations_is_named(peers: Peers, connect:
         radio.correct(seen(0.1, 0.1))
 
 
-def test_reports_that_are_none_are_passed_over(peers: Peers, connect: Open) -> None:
-    [drone] = peers()
-    radio = connect([drone])
+def test_reports_that_are_none_are_passed_over(drone: Peer, radio: Radio) -> None:
     for junk in (b"\x52", b"\x52\1\2", b"\x52\2" + bytes(28), b"\x00hello", b"\xff", b"\x81"):
         drone.say(junk)
     assert any(len(telemetry.odometry.agent) for telemetry in ticks(radio, 3))
@@ -449,8 +410,7 @@ def test_reports_that_are_none_are_passed_over(peers: Peers, connect: Open) -> N
 
 @settings(max_examples=15, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(noise=st.lists(st.binary(min_size=1, max_size=40), min_size=20, max_size=60))
-def test_no_datagram_breaks_a_link(noise: list[bytes], peers: Peers, connect: Open) -> None:
-    [drone] = peers()
+def test_no_datagram_breaks_a_link(drone: Peer, noise: list[bytes], connect: Open) -> None:
     radio = connect([drone], reset=False)
     for datagram in noise:
         drone.say(datagram)
@@ -459,9 +419,7 @@ def test_no_datagram_breaks_a_link(noise: list[bytes], peers: Peers, connect: Op
     radio.close()
 
 
-def test_a_late_reader_keeps_the_newest_reports(peers: Peers, connect: Open) -> None:
-    [drone] = peers()
-    radio = connect([drone])
+def test_a_late_reader_keeps_the_newest_reports(drone: Peer, radio: Radio) -> None:
     drone.until(lambda: False, timeout=0.1)
     for i in range(1500):
         drone.values["stateEstimateZ.x"] = i

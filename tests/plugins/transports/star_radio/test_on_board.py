@@ -33,6 +33,7 @@ from star_radio import orders
 from star_radio.transport import Radio
 from tests.end_to_end.virtual_air import Air
 from tests.plugins.transports.star_radio.conftest import UNSERVED, Open, Peers, command, ticks
+from tests.plugins.transports.star_radio.peer import Peer
 from tests.plugins.transports.star_radio.virtual import virtual
 
 ACTIVE, FINISHED = 0x10F, 0x30F  # supervisor.info of one that is on the way, and of one that was
@@ -68,8 +69,7 @@ def test_trajectories_share_the_memory_of_every_drone(peers: Peers, connect: Ope
         assert numbers[3:, :32] == pytest.approx(other.coefficients.reshape(2, 32))
 
 
-def test_it_is_turned_into_the_odometry_frame_of_each_drone(peers: Peers, make: Open) -> None:
-    [drone] = peers()
+def test_it_is_turned_into_the_odometry_frame_of_each_drone(drone: Peer, make: Open) -> None:
     radio = make([drone.uri])
     radio._scene = dataclasses.replace(
         radio._scene, agents=(dataclasses.replace(radio._scene.agents[0], yaw=math.pi / 2),)
@@ -85,9 +85,7 @@ def test_it_is_turned_into_the_odometry_frame_of_each_drone(peers: Peers, make: 
     assert yaw[1:] == pytest.approx(flown.coefficients[0, 3, 1:], abs=1e-6)
 
 
-def test_more_are_refused_with_the_arithmetic(peers: Peers, connect: Open) -> None:
-    [drone] = peers()
-    radio = connect([drone])
+def test_more_are_refused_with_the_arithmetic(drone: Peer, radio: Radio) -> None:
     radio.upload((trajectory(20), trajectory(11, seed=1)))
     uploaded = len(drone.sent_to(4, 2))
     with pytest.raises(PluginError) as raised:
@@ -114,8 +112,7 @@ def test_every_drone_that_refuses_an_upload_is_named(peers: Peers, connect: Open
     assert "cf3 (trajectory 0 is refused: error '0c'" in message
 
 
-def test_no_trajectory_is_uploaded_to_an_absent_agent(peers: Peers, make: Open) -> None:
-    [drone] = peers()
+def test_no_trajectory_is_uploaded_to_an_absent_agent(drone: Peer, make: Open) -> None:
     radio = make([UNSERVED, drone.uri], absent="fly-without")
     radio.connect()
     radio.upload((trajectory(),))
@@ -123,9 +120,7 @@ def test_no_trajectory_is_uploaded_to_an_absent_agent(peers: Peers, make: Open) 
     assert drone.until(lambda: len(begins(drone)) == 1)
 
 
-def test_it_begins_where_the_drone_is_and_takes_the_given_time(peers: Peers, connect: Open) -> None:
-    [drone] = peers()
-    radio = connect([drone])
+def test_it_begins_where_the_drone_is_and_takes_the_given_time(drone: Peer, radio: Radio) -> None:
     one, other = trajectory(3), trajectory(2, seed=1)
     radio.upload((one, other))
     before = len(drone.got)
@@ -149,8 +144,7 @@ def test_the_order_takes_no_time_of_the_tick(peers: Peers, connect: Open) -> Non
     assert time.monotonic() - begun < 0.05
 
 
-def test_one_that_was_not_uploaded_is_a_fault(peers: Peers, connect: Open) -> None:
-    radio = connect(peers())
+def test_one_that_was_not_uploaded_is_a_fault(radio: Radio) -> None:
     radio.upload((trajectory(),))
     with pytest.raises(ContractError, match=r"Command\.trajectory was not uploaded"):
         radio.command(told(trajectory(seed=1)))
@@ -171,8 +165,7 @@ def test_one_that_is_to_lie_otherwise_is_refused(
 
 
 @pytest.mark.usefixtures("soon")
-def test_a_refusal_is_reported(peers: Peers, connect: Open) -> None:
-    [drone] = peers()
+def test_a_refusal_is_reported(drone: Peer, connect: Open) -> None:
     drone.errors[13] = [8]
     radio = connect([drone])
     radio.upload((trajectory(),))
@@ -184,9 +177,8 @@ def test_a_refusal_is_reported(peers: Peers, connect: Open) -> None:
 
 @pytest.mark.usefixtures("soon")
 def test_agents_reporting_to_be_under_way_get_no_new_command(
-    peers: Peers, connect: Open, caplog: pytest.LogCaptureFixture
+    drone: Peer, connect: Open, caplog: pytest.LogCaptureFixture
 ) -> None:
-    [drone] = peers()
     drone.values["supervisor.info"] = FINISHED
     radio = connect([drone])
     radio.upload((trajectory(),))
@@ -203,8 +195,7 @@ def test_agents_reporting_to_be_under_way_get_no_new_command(
 
 
 @pytest.mark.usefixtures("soon")
-def test_one_that_does_not_report_so_is_commanded_again(peers: Peers, connect: Open) -> None:
-    [drone] = peers()
+def test_one_that_does_not_report_so_is_commanded_again(drone: Peer, connect: Open) -> None:
     drone.values["supervisor.info"] = FINISHED
     radio = connect([drone])
     radio.upload((trajectory(),))
@@ -216,9 +207,7 @@ def test_one_that_does_not_report_so_is_commanded_again(peers: Peers, connect: O
 
 
 @pytest.mark.usefixtures("soon")
-def test_one_that_setpoints_took_over_is_not_commanded_again(peers: Peers, connect: Open) -> None:
-    [drone] = peers()
-    radio = connect([drone])
+def test_one_that_setpoints_took_over_is_not_commanded_again(drone: Peer, radio: Radio) -> None:
     radio.upload((trajectory(),))
     drone.lose[b"\x80"] = 100
     radio.command(told(trajectory()))

@@ -7,7 +7,7 @@ import pytest
 from star_core import Supervisor
 from star_radio import orders
 from star_radio.transport import Radio
-from tests.plugins.transports.star_radio.conftest import TICK, Open, Peers, ticks
+from tests.plugins.transports.star_radio.conftest import TICK, Open, ticks
 from tests.plugins.transports.star_radio.peer import LINK_TIMEOUT, Peer
 
 HOVERS = {
@@ -30,9 +30,7 @@ def landings(drone: Peer) -> list[bytes]:
     return [payload for payload in drone.ordered if payload[0] == orders.LAND]
 
 
-def test_a_lost_log_block_is_created_again_and_is_no_reboot(peers: Peers, connect: Open) -> None:
-    [drone] = peers()
-    radio = connect([drone])
+def test_a_lost_log_block_is_created_again_and_is_no_reboot(drone: Peer, radio: Radio) -> None:
     cut(drone, radio, LINK_TIMEOUT + 0.5)
     assert radio.receive().age[0] > LINK_TIMEOUT
     ticks(radio, 11)
@@ -45,10 +43,8 @@ def test_a_lost_log_block_is_created_again_and_is_no_reboot(peers: Peers, connec
 
 @pytest.mark.parametrize("start", [b"\x51\x06", b"\x51\x07", b"\x51\x03", b"\x51"])
 def test_a_log_block_is_created_again_although_answers_are_lost(
-    peers: Peers, connect: Open, start: bytes
+    drone: Peer, radio: Radio, start: bytes
 ) -> None:
-    [drone] = peers()
-    radio = connect([drone])
     drone.lose[start] = 2
     cut(drone, radio, LINK_TIMEOUT + 0.5)
     drone.values["stateEstimateZ.x"] = 1234
@@ -58,8 +54,7 @@ def test_a_log_block_is_created_again_although_answers_are_lost(
     assert telemetry.position[0, 0] == 1.234
 
 
-def test_a_landing_survives_the_gap_and_is_repeated(peers: Peers, connect: Open) -> None:
-    [drone] = peers()
+def test_a_landing_survives_the_gap_and_is_repeated(drone: Peer, connect: Open) -> None:
     drone.values |= HOVERS
     radio = connect([drone])
     ticks(radio, 5)
@@ -71,9 +66,7 @@ def test_a_landing_survives_the_gap_and_is_repeated(peers: Peers, connect: Open)
     assert len(landings(drone)) > count
 
 
-def test_a_drone_whose_clock_restarts_has_rebooted(peers: Peers, connect: Open) -> None:
-    [drone] = peers()
-    radio = connect([drone])
+def test_a_drone_whose_clock_restarts_has_rebooted(drone: Peer, radio: Radio) -> None:
     ticks(radio, 5)
     drone.boot -= 3.0
     ticks(radio, 5)
@@ -86,8 +79,7 @@ def test_a_drone_whose_clock_restarts_has_rebooted(peers: Peers, connect: Open) 
     assert radio.receive().age[0] > 0.9  # what it reports since is of another flight
 
 
-def test_a_drone_that_rebooted_but_flies_is_landed(peers: Peers, connect: Open) -> None:
-    [drone] = peers()
+def test_a_drone_that_rebooted_but_flies_is_landed(drone: Peer, connect: Open) -> None:
     drone.values |= HOVERS
     radio = connect([drone])
     ticks(radio, 5)
@@ -101,8 +93,7 @@ def notifications(drone: Peer) -> int:
     return len(drone.sent_to(7, 1))
 
 
-def test_an_unheard_drone_is_not_notified_at_the_end(peers: Peers, connect: Open) -> None:
-    [drone] = peers()
+def test_an_unheard_drone_is_not_notified_at_the_end(drone: Peer, connect: Open) -> None:
     drone.values |= HOVERS
     radio = connect([drone])
     ticks(radio, 5)
@@ -114,8 +105,7 @@ def test_an_unheard_drone_is_not_notified_at_the_end(peers: Peers, connect: Open
     assert notifications(drone) == count
 
 
-def test_a_drone_in_the_air_is_not_notified_without_a_plan(peers: Peers, connect: Open) -> None:
-    [drone] = peers()
+def test_a_drone_in_the_air_is_not_notified_without_a_plan(drone: Peer, connect: Open) -> None:
     drone.values |= HOVERS
     radio = connect([drone])
     ticks(radio, 5)
@@ -124,9 +114,7 @@ def test_a_drone_in_the_air_is_not_notified_without_a_plan(peers: Peers, connect
     assert notifications(drone) == count
 
 
-def test_a_drone_on_the_ground_is_notified_at_the_end(peers: Peers, connect: Open) -> None:
-    [drone] = peers()
-    radio = connect([drone])
+def test_a_drone_on_the_ground_is_notified_at_the_end(drone: Peer, radio: Radio) -> None:
     ticks(radio, 5)
     count = notifications(drone)
     radio.vehicles[0].end_reports()

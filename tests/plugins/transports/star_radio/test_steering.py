@@ -22,7 +22,8 @@ from star_radio.steering import (
     Velocities,
     WholeStates,
 )
-from tests.plugins.transports.star_radio.conftest import Open, Peers
+from tests.plugins.transports.star_radio.conftest import Open
+from tests.plugins.transports.star_radio.peer import Peer
 
 TICK = 0.05  # s
 KIND, VELOCITY = 6, 8  # first bytes of such packets
@@ -147,8 +148,7 @@ def test_unencodable_positions_are_flown_by_velocity(states: Flown, lost: list[f
     assert told(states.tick(wanted, at([1, 2, 0.8]))[0])[0] == [1, 2, 0.8]
 
 
-def test_a_mission_has_drones_flown_so(peers: Peers, make: Open) -> None:
-    [drone] = peers()
+def test_a_mission_has_drones_flown_so(drone: Peer, make: Open) -> None:
     drone.values |= {"stateEstimateZ.x": 500, "stateEstimateZ.z": 800}
     radio = make([drone.uri], setpoints="full-state")
     radio.connect()

@@ -17,7 +17,8 @@ from star_sim import pieces
 from star_sim.commander import ending_at_rest
 from tests.campaign.link_cuts import FOLLOW, PATH
 from tests.end_to_end.virtual_air import START_TRAJECTORY, TAKEOFF, Air, flown
-from tests.plugins.transports.star_radio.conftest import Open, Peers, command, ticks
+from tests.plugins.transports.star_radio.conftest import Open, command, ticks
+from tests.plugins.transports.star_radio.peer import Peer
 from tests.plugins.transports.star_radio.virtual import EPOCH
 
 CUT = LinkFaults(cuts=((0.0, math.inf),))
@@ -168,8 +169,7 @@ def take_off(radio: Radio) -> None:
     radio.command(command(Order.TAKEOFF, position=(0.0, 0.0, 0.5), duration=2.0))
 
 
-def test_a_start_is_repeated_only_while_reports_show_no_effect(peers: Peers, connect: Open) -> None:
-    (drone,) = peers(1)
+def test_a_start_is_repeated_only_while_reports_show_no_effect(drone: Peer, connect: Open) -> None:
     radio = connect([drone], descent=True)
     drone.lose[b"\x80\x0d"] = 2  # answers to a start
     take_off(radio)
@@ -184,8 +184,7 @@ def test_a_start_is_repeated_only_while_reports_show_no_effect(peers: Peers, con
     assert len(drone.sent_to(8, 0)) == before
 
 
-def test_a_drone_that_refuses_a_profile_takes_off_without(peers: Peers, connect: Open) -> None:
-    (drone,) = peers(1)
+def test_a_drone_that_refuses_a_profile_takes_off_without(drone: Peer, connect: Open) -> None:
     drone.errors[6] = [8]
     radio = connect([drone], descent=True)
     take_off(radio)
@@ -194,9 +193,8 @@ def test_a_drone_that_refuses_a_profile_takes_off_without(peers: Peers, connect:
 
 
 def test_a_newer_command_replaces_a_take_off_that_is_not_written(
-    peers: Peers, connect: Open
+    drone: Peer, connect: Open
 ) -> None:
-    (drone,) = peers(1)
     radio = connect([drone], descent=True)
     drone.lose[b"\x42"] = 100  # answers to writes
     take_off(radio)
@@ -205,8 +203,7 @@ def test_a_newer_command_replaces_a_take_off_that_is_not_written(
     assert {payload[0] for payload in drone.ordered} == {6, orders.STOP}
 
 
-def test_a_climb_is_over_after_its_duration(peers: Peers, connect: Open) -> None:
-    (drone,) = peers(1)
+def test_a_climb_is_over_after_its_duration(drone: Peer, connect: Open) -> None:
     radio = connect([drone], descent=True)
     take_off(radio)
     ticks(radio, 2)
