@@ -14,7 +14,7 @@ import pytest
 from star_core import Operator
 from star_fleet.link_faults import LinkFaults
 from tests.campaign.link_cuts import bad_link_flight, spoil_links
-from tests.end_to_end.virtual_air import TAKEN_OFF, Air, Flown, flown
+from tests.end_to_end.virtual_air import LINK_LOST, TAKEN_OFF, Air, Flown, flown
 
 pytest.importorskip("cflib")
 
@@ -213,12 +213,12 @@ class _Rebooted(Script):
         self.motors_on += 0.01 * bool(air.drones["mode"][1] != 0)
 
 
-@pytest.mark.parametrize("rules", ["", "safety: {link_lost: {}}"], ids=["fails", "goes on"])
+@pytest.mark.parametrize("changes", [[], [LINK_LOST]], ids=["fails", "goes on"])
 def test_a_drone_that_rebooted_is_reported_and_not_started_again(
-    tmp_path: Path, rules: str
+    tmp_path: Path, changes: list[str]
 ) -> None:
     reboot = _Rebooted(1.0)
-    flight = flown(tmp_path, steps=HOVER, rules=rules, watch=reboot)
+    flight = flown(tmp_path, steps=HOVER, changes=changes, watch=reboot)
     assert reboot.done
     assert reboot.motors_on == 0.0
     texts = [event["text"] for event in flight.summary["events"]]

@@ -111,6 +111,7 @@ class Air(VirtualTime):
         self.links.send(row, Direction.TO_CLIENT, self.fleet.time, deliver)
 
 
+LINK_LOST = "safety={link_lost: {}}"  # a change of a mission
 WORLD = """\
 star: 1
 name: room
@@ -129,7 +130,6 @@ swarm:
 {swarm}
 mission:
 {steps}
-{rules}
 """
 STEPS = """\
   - takeoff: {height: 0.5}
@@ -174,7 +174,7 @@ def flown(
     seed: int = 0,
     faults: Sequence[LinkFaults] = (),
     steps: str = STEPS,
-    rules: str = "",
+    changes: Sequence[str] = (),
     watch: Callable[[Air, Operator], object] = lambda _air, _operator: None,
     after: float = 4.0,
     **options: Any,
@@ -187,7 +187,7 @@ def flown(
         seed: Of the faults.
         faults: Of each link, from when all drones have taken off; their cuts count from then.
         steps: Of the mission.
-        rules: Of the mission.
+        changes: To the mission, ``path=value``.
         watch: Called after each cycle of 10 ms.
         after: How long the drones are watched after the flight, s; no longer if all are down.
         options: Of `Air`.
@@ -197,10 +197,10 @@ def flown(
         f"  cf{row + 1}: {{start: [{row % 5 - 2}, {row // 5 - 1}, 0], uri: 'udp://air:{row + 1}'}}"
         for row in range(n)
     )
-    text = MISSION.format(cache=folder / "cache", swarm=swarm, steps=steps, rules=rules)
+    text = MISSION.format(cache=folder / "cache", swarm=swarm, steps=steps)
     (folder / "mission.yaml").write_text(text)
     registry, operator = Registry(), Operator()
-    mission = load(folder / "mission.yaml", registry)
+    mission = load(folder / "mission.yaml", registry, changes)
     air = Air(mission.scene, seed=seed, **{"noise": False, **options})
 
     def watched() -> None:

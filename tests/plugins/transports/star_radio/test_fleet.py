@@ -8,7 +8,6 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -28,8 +27,9 @@ from star_core import (
 )
 from star_core.testing import scene
 from star_fleet.aideck import CrtpOverTcp
+from star_fleet.link_faults import LinkFaults
 from star_radio.transport import Radio
-from tests.end_to_end.virtual_air import Air
+from tests.end_to_end.virtual_air import LINK_LOST, WORLD, Air, flown
 from tests.plugins.tasks.test_tracking import zigzag
 from tests.plugins.transports.star_radio.conftest import command
 from tests.plugins.transports.star_radio.conftest import options as defaults
@@ -37,31 +37,6 @@ from tests.plugins.transports.star_radio.virtual import virtual
 from tests.simulators import ideal_fleet
 
 TICK = 0.05  # s
-MISSION = """\
-star: 1
-name: over-udp
-world: room.yaml
-rate: 20
-transport: {use: radio, guardian: false, cache: CACHE, response_timeout: 1.0}
-localizer: flow
-planner: straight
-avoider: orca
-swarm:
-  cf1: {start: [0, 0, 0], uri: URI0}
-  cf2: {start: [0, 1, 0], yaw_deg: 90, uri: URI1}
-mission:
-  - takeoff: {agents: cf1, height: 0.3}
-  - takeoff: {agents: cf2, height: 0.5, LET}
-  - goto: {agents: cf1, by: [0.4, 0, 0], yaw_deg: 30}
-  - land: {}
-"""
-
-
-ROOM = """\
-star: 1
-name: room
-fence: {low: [-3, -3, 0], high: [3, 3, 2]}
-"""
 
 
 class Flight:
@@ -113,39 +88,35 @@ def air() -> Iterator[Air]:
         yield air
 
 
-def flown(
-    folder: Path, uris: Sequence[str], options: str = "", takeoff: str = "", rules: str = ""
-) -> dict[str, Any]:
-    """Fly `MISSION` over links to some addresses, and return its summary."""
-    (folder / "room.yaml").write_text(ROOM)
-    text = (
-        (MISSION + rules).replace("CACHE", f"'{folder / 'cache'}'{options}").replace("LET", takeoff)
-    )
-    for i, uri in enumerate(uris):
-        text = text.replace(f"URI{i}", uri)
-    (folder / "mission.yaml").write_text(text)
-    registry = Registry()
-    return fly(load(folder / "mission.yaml", registry), registry)
+STEPS = """\
+  - takeoff: {agents: cf1, height: 0.3}
+  - takeoff: {agents: cf2, height: 0.5, LET}
+  - goto: {agents: cf1, by: [0.4, 0, 0], yaw_deg: 30}
+  - land: {}
+"""
 
 
-def test_a_mission_that_allows_it_is_flown_without_absent_agents(air: Air, tmp_path: Path) -> None:
-    uris = [*air.uris, "udp://air:9"]
-    summary = flown(tmp_path, uris, ", absent: fly-without", "on_failure: continue, timeout: 1")
-    assert summary["outcome"] == "completed", summary["reason"]
-    moved = air.drones["position"] - air.drones["origin"]
-    assert np.allclose(moved[0], [0.4, 0, 0], atol=0.15)
-
-
-@pytest.mark.parametrize("rule", [True, False])
-def test_an_absent_agent_is_taken_out_by_the_rule_for_lost_links(
-    air: Air,
-    tmp_path: Path,
-    rule: bool,  # noqa: FBT001
+@pytest.mark.parametrize(
+    ("let", "changes", "outcome"),
+    [
+        ("on_failure: continue, timeout: 1", [], "completed"),
+        ("timeout: 1", [LINK_LOST], "completed"),
+        ("timeout: 1", [], "failed"),
+    ],
+)
+def test_absent_agents_are_left_out_where_a_mission_allows_it(
+    tmp_path: Path, let: str, changes: list[str], outcome: str
 ) -> None:
-    uris = [*air.uris, "udp://air:9"]
-    rules = "safety: {link_lost: {}}" if rule else ""
-    summary = flown(tmp_path, uris, ", absent: fly-without", "timeout: 1", rules)
-    assert summary["outcome"] == ("completed" if rule else "failed"), summary["reason"]
+    def lose(air: Air, _operator: object) -> None:
+        air.links.faults[1] = LinkFaults(loss=1.0)
+
+    steps = STEPS.replace("LET", let)
+    changes = [*changes, "transport.absent=fly-without"]
+    flight = flown(tmp_path, n=2, steps=steps, changes=changes, watch=lose)
+    assert flight.summary["outcome"] == outcome, flight.summary["reason"]
+    if outcome == "completed":
+        moved = flight.air.drones["position"] - flight.air.drones["origin"]
+        assert moved == pytest.approx(np.array([[0.4, 0, 0], [0, 0, 0]]), abs=0.15)
 
 
 def test_drones_fly_again_after_the_link_closed_at_touchdown(air: Air, tmp_path: Path) -> None:
@@ -247,7 +218,7 @@ mission:
 def test_drones_follow_trajectories_in_their_own_time(
     controller: str, control: str, tmp_path: Path
 ) -> None:
-    (tmp_path / "room.yaml").write_text(ROOM)
+    (tmp_path / "room.yaml").write_text(WORLD)
     (tmp_path / "path.csv").write_text(zigzag())
     text = LAP.replace("URI", "'udp://air:1'").replace("CACHE", f"'{tmp_path / 'cache'}'")
     (tmp_path / "mission.yaml").write_text(text.replace("CONTROL", control))

@@ -5,8 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import time
-from collections.abc import Iterator
-from contextlib import closing
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -17,24 +16,19 @@ from star_core import (
     Array,
     Command,
     ContractError,
+    Mask,
     Operator,
     Order,
     PluginError,
-    Registry,
     Setpoint,
-    Telemetry,
     Trajectory,
-    fly,
-    load,
 )
-from star_core.testing import scene
 from star_fleet.link_faults import LinkFaults
 from star_radio import orders
 from star_radio.transport import Radio
-from tests.end_to_end.virtual_air import Air
+from tests.end_to_end.virtual_air import LINK_LOST, START_TRAJECTORY, Air, Flown, flown
 from tests.plugins.transports.star_radio.conftest import UNSERVED, Open, Peers, command, ticks
 from tests.plugins.transports.star_radio.peer import Peer
-from tests.plugins.transports.star_radio.virtual import virtual
 
 ACTIVE, FINISHED = 0x10F, 0x30F  # supervisor.info of one that is on the way, and of one that was
 
@@ -218,21 +212,9 @@ def test_one_that_setpoints_took_over_is_not_commanded_again(drone: Peer, radio:
 
 # Missions, over links to simulated drones that have their own firmware's ways, on a virtual clock
 
-ROOM = "star: 1\nname: room\nfence: {low: [-3, -3, 0], high: [3, 3, 2]}\n"
-MISSION = """\
-star: 1
-name: over-udp
-world: room.yaml
-rate: 20
-limits: {speed: 1.0}
-transport: {use: radio, guardian: false, cache: CACHE, response_timeout: 1.0}
-localizer: flow
-planner: straight
-avoider: orca
-swarm:
-  cf1: {start: [0, 0, 0], uri: URI0}
-  cf2: {start: [0, 1, 0], yaw_deg: 90, uri: URI1}
-mission:
+
+SET_OUT = 120  # records of `Track`: 1.2 s
+STEPS = """\
   - takeoff: {height: 0.4, speed: 0.4}
   - follow: {file: hook.csv, format: poly7, timescale: 1.25, on_board: true}
   - land: {speed: 0.4}
@@ -253,95 +235,73 @@ def hook() -> str:
     return "\n".join(lines)
 
 
-@pytest.fixture
-def air() -> Iterator[Air]:
-    room = scene(2)
-    places = ((0.0, 0.0, 0.0), (0.0, 1.0, 0.0))
-    agents = tuple(
-        dataclasses.replace(agent, start=place, yaw=yaw)
-        for agent, place, yaw in zip(room.agents, places, (0.0, math.pi / 2), strict=True)
-    )
-    air = Air(dataclasses.replace(room, agents=agents), noise=False)
-    with virtual(air), closing(air.fleet):
-        yield air
+class Track(list[Array]):
+    """(2, 3) how far the drones really are from their starts, m, every 10 ms since they set out.
+
+    After 1.2 s of them, something happens.
+    """
+
+    flight: Flown
+
+    def __init__(self, then: Callable[[Air, Operator], object]) -> None:
+        super().__init__()
+        self._then = then
+
+    def __call__(self, air: Air, operator: Operator) -> None:
+        if START_TRAJECTORY in air.ordered:
+            self.append(air.drones["position"] - air.drones["origin"])
+        if len(self) > SET_OUT:
+            self._then(air, operator)
 
 
-def flown(folder: Path, air: Air, operator: Operator | None = None) -> dict[str, Any]:
-    (folder / "room.yaml").write_text(ROOM)
+def fly_hook(folder: Path, then: Callable[[Air, Operator], object], *changes: str) -> Track:
+    """Fly the trajectory on board, by two drones of which the second looks along y."""
     (folder / "hook.csv").write_text(hook())
-    text = MISSION.replace("CACHE", f"'{folder / 'cache'}'")
-    for i, uri in enumerate(air.uris):
-        text = text.replace(f"URI{i}", uri)
-    (folder / "mission.yaml").write_text(text)
-    registry = Registry()
-    return fly(load(folder / "mission.yaml", registry), registry, operator=operator)
-
-
-@pytest.fixture
-def track(air: Air, monkeypatch: pytest.MonkeyPatch) -> list[Array]:
-    """(2, 3) how far the drones really are from their starts, each tick since they set out."""
-    drones, found = air.drones, list[Array]()
-    receive, order, orders = Radio.receive, Radio.command, list[Order]()
-
-    def look(radio: Radio) -> Telemetry:
-        if Order.FOLLOW in orders:
-            found.append(drones["position"] - drones["origin"])
-        return receive(radio)
-
-    def command(radio: Radio, command: Command) -> None:
-        orders.append(command.order)
-        order(radio, command)
-
-    monkeypatch.setattr(Radio, "receive", look)
-    monkeypatch.setattr(Radio, "command", command)
-    return found
+    track = Track(then)
+    changes = ["limits={speed: 1.0}", "swarm.cf2.yaw_deg=90", *changes]
+    track.flight = flown(folder, n=2, steps=STEPS, changes=changes, watch=track, after=12.0)
+    return track
 
 
 def test_drones_fly_it_in_the_map_and_land_in_the_middle(
-    air: Air, tmp_path: Path, track: list[Array], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    operator, send = Operator(), Radio.send
+    steered: list[Mask] = []
+    send = Radio.send
 
-    def end(radio: Radio, setpoint: Setpoint) -> Setpoint:
-        if not operator.stops:
-            assert not (track and setpoint.active.any())  # no agent is steered
-        operator.stops = int(len(track) > 24)  # 1.2 s
+    def record(radio: Radio, setpoint: Setpoint) -> Setpoint:
+        steered.append(setpoint.active)
         return send(radio, setpoint)
 
-    monkeypatch.setattr(Radio, "send", end)
-    summary = flown(tmp_path, air, operator)
-    assert summary["outcome"] == "aborted"
-    assert summary["reason"] == "interrupted by the operator"
-    there = track[24]
+    def interrupt(_air: Air, operator: Operator) -> None:
+        if not operator.stops:
+            operator.stops = 1
+            assert not np.any(steered[-20:])  # no agent is steered
+
+    monkeypatch.setattr(Radio, "send", record)
+    track = fly_hook(tmp_path, interrupt)
+    assert track.flight.summary["outcome"] == "aborted"
+    assert track.flight.summary["reason"] == "interrupted by the operator"
+    there = track[SET_OUT]
     assert (there[:, 0] > 0.1).all()  # the first one looks along x, the other one along y
     assert there[:, 1:] == pytest.approx(np.tile([0.0, 0.4], (2, 1)), abs=0.08)
     assert track[-1][:, 0] == pytest.approx(there[:, 0], abs=0.2)
     assert (track[-1][:, 2] == 0.0).all()
 
 
-def test_a_drone_without_a_link_comes_down_after_a_trajectory(
-    air: Air, tmp_path: Path, track: list[Array], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(f"{__name__}.MISSION", MISSION + "safety: {link_lost: {}}\n")
+def test_a_drone_without_a_link_comes_down_after_a_trajectory(tmp_path: Path) -> None:
+    def cut(air: Air, _operator: Operator) -> None:
+        air.links.faults[0] = LinkFaults(loss=1.0)
 
-    def cut() -> None:
-        if len(track) > 24:  # 1.2 s
-            air.links.faults[0] = LinkFaults(loss=1.0)
-
-    air.watch = cut
-    flown(tmp_path, air)
-    air.sleep(8.0)
-    assert (air.drones["position"] - air.drones["origin"])[0] == pytest.approx(
-        [0.5, 0.3, 0.0], abs=0.15
-    )
-    assert air.impact[0] < 0.4
+    track = fly_hook(tmp_path, cut, LINK_LOST)
+    assert track[-1][0] == pytest.approx([0.5, 0.3, 0.0], abs=0.15)
+    assert track.flight.air.impact[0] < 0.4
 
 
 @pytest.mark.campaign
-def test_a_mission_flies_a_trajectory_on_board_to_its_end(
-    air: Air, tmp_path: Path, track: list[Array]
-) -> None:
-    summary = flown(tmp_path, air)
+def test_a_mission_flies_a_trajectory_on_board_to_its_end(tmp_path: Path) -> None:
+    track = fly_hook(tmp_path, lambda _air, _operator: None)
+    summary = track.flight.summary
     assert summary["outcome"] == "completed", summary["reason"]
     assert track[-1][:, :2] == pytest.approx(np.tile([0.5, 0.3], (2, 1)), abs=0.12)
     corners = [[0.0, 0.0], [0.5, 0.0], [0.5, 0.3]]

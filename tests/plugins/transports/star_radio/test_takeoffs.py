@@ -16,13 +16,12 @@ from star_radio.transport import Radio
 from star_sim import pieces
 from star_sim.commander import ending_at_rest
 from tests.campaign.link_cuts import FOLLOW, PATH
-from tests.end_to_end.virtual_air import START_TRAJECTORY, TAKEOFF, Air, flown
+from tests.end_to_end.virtual_air import LINK_LOST, START_TRAJECTORY, TAKEOFF, Air, flown
 from tests.plugins.transports.star_radio.conftest import Open, command, ticks
 from tests.plugins.transports.star_radio.peer import Peer
 from tests.plugins.transports.star_radio.virtual import EPOCH
 
 CUT = LinkFaults(cuts=((0.0, math.inf),))
-RULES = "safety: {link_lost: {}}"
 HOLD = """\
   - takeoff: {height: 0.6}
   - hold: {for: 12}
@@ -90,7 +89,7 @@ def test_simulated_drones_come_down_as_real_drones_do() -> None:
 
 @pytest.mark.parametrize("length", [math.inf, 9.0])
 def test_a_drone_without_a_link_in_its_take_off_comes_down(tmp_path: Path, length: float) -> None:
-    flight = flown(tmp_path, n=2, steps=HOLD, rules=RULES, watch=Cut(length))
+    flight = flown(tmp_path, n=2, steps=HOLD, changes=[LINK_LOST], watch=Cut(length))
     assert flight.fallen == []
     assert flight.air.impact.max() < 0.4
     motors_on = flight.air.drones["mode"][0] != 0
@@ -126,7 +125,7 @@ def test_when_a_drone_comes_down_by_itself_is_announced(
         return telemetry
 
     monkeypatch.setattr(Radio, "receive", record)
-    flown(tmp_path, n=2, steps=steps, rules=RULES, watch=cut)
+    flown(tmp_path, n=2, steps=steps, changes=[LINK_LOST], watch=cut)
     down = times[np.flatnonzero(np.array(heights) > 0.02)[-1]]
     assert math.isinf(announced[0])
     assert down <= announced[-1] <= down + (1.5 if begins == TAKEOFF else 12.0)
