@@ -51,15 +51,7 @@ class Function(IntEnum):
 
 
 class Packet(NamedTuple):
-    """One packet and its routing.
-
-    Attributes:
-        source: Sender.
-        destination: Receiver.
-        function: Type of content.
-        data: At most `ROOM` bytes.
-        last: Whether it is the last one of its message.
-    """
+    """One packet and its routing, with at most `ROOM` bytes; `last` of its message or not."""
 
     source: Target
     destination: Target
@@ -75,15 +67,10 @@ class SyncError(Exception):
 def encode(packet: Packet) -> bytes:
     """Return the frame of a packet.
 
-    Raises:
-        ValueError: It has more data than `ROOM`.
-
     Example:
         >>> encode(Packet(Target.HOST, Target.STM32, Function.SYSTEM, bytes([0x21, 1]))).hex(" ")
         '04 00 59 01 21 01'
     """
-    if len(packet.data) > ROOM:
-        raise ValueError(f"packet has {len(packet.data)} bytes of data, expected at most {ROOM}")
     routing = packet.source << 3 | packet.destination | (LAST if packet.last else 0)
     return _HEAD.pack(ROUTING + len(packet.data), routing, packet.function) + packet.data
 

@@ -13,6 +13,7 @@ import errno
 import math
 from collections.abc import Callable
 from enum import Enum
+from functools import partial
 from typing import Final
 
 import numpy as np
@@ -35,7 +36,6 @@ IN_MEMORY: Final = 1  # the only location of trajectories
 PLAIN, COMPRESSED = 0, 1  # their types
 REFUSED: Final = 1  # a plan is in the way
 LONGEST: Final = 3600.0  # s, of a plan
-TAKEOFF_SPEED, LANDING_SPEED = "hlCommander.vtoff", "hlCommander.vland"  # m/s, means
 
 
 class Stage(Enum):
@@ -44,6 +44,10 @@ class Stage(Enum):
     IDLE = "idle"  # the motors are to be off
     FLYING = "flying"
     LANDING = "landing"
+
+
+MEAN_SPEEDS: Final = {Stage.FLYING: "hlCommander.vtoff", Stage.LANDING: "hlCommander.vland"}
+"""Parameters, m/s, of take-offs and landings whose commands have no speed."""
 
 
 class HighLevel:
@@ -57,16 +61,16 @@ class HighLevel:
         self._defined: dict[int, tuple[int, int, int, int]] = {}  # location, type, offset, pieces
         self._commands: dict[int, tuple[str, Callable[..., int]]] = {
             SET_GROUPS: ("B", self._set_groups),
-            1: ("Bff", self._takeoff),
-            2: ("Bff", self._land),
+            1: ("Bff", partial(self._to_height, Stage.FLYING)),
+            2: ("Bff", partial(self._to_height, Stage.LANDING)),
             STOP: ("B", self._stop),
             4: ("BB5f", self._go_to),
             5: ("BBBBf", self._start_old),
             DEFINE: ("BBBIB", self._define),
-            7: ("Bff?f", self._takeoff),
-            8: ("Bff?f", self._land),
-            9: ("Bf?f?f", self._takeoff_at_speed),
-            10: ("Bf?f?f", self._land_at_speed),
+            7: ("Bff?f", partial(self._to_height, Stage.FLYING)),
+            8: ("Bff?f", partial(self._to_height, Stage.LANDING)),
+            9: ("Bf?f?f", partial(self._to_height_at_speed, Stage.FLYING)),
+            10: ("Bf?f?f", partial(self._to_height_at_speed, Stage.LANDING)),
             11: ("BBB5f", self._spiral),
             12: ("BBB5f", self._go),
             13: ("BBBBBf", self._start),
@@ -158,27 +162,19 @@ class HighLevel:
         end = np.array([start[0], start[1], height, start[3] + turn])
         return self._plan(stage, [_smooth(start, np.zeros(4), np.zeros(4), end, duration)], now)
 
-    def _takeoff(self, now: float, height: float, *rest: float) -> int:
-        yaw, duration = _yaw_and_last(rest)
-        return self._vertical(Stage.FLYING, now, height, yaw, duration)
+    def _to_height(self, stage: Stage, now: float, height: float, *rest: float) -> int:
+        return self._vertical(stage, now, height, *_yaw_and_last(rest))
 
-    def _land(self, now: float, height: float, *rest: float) -> int:
-        yaw, duration = _yaw_and_last(rest)
-        return self._vertical(Stage.LANDING, now, height, yaw, duration)
-
-    def _takeoff_at_speed(self, now: float, height: float, relative: bool, *rest: float) -> int:  # noqa: FBT001
+    def _to_height_at_speed(
+        self, stage: Stage, now: float, height: float, relative: int, *rest: float
+    ) -> int:
         yaw, speed = _yaw_and_last(rest)
         z = float(self._reference(now)[0][2])
-        height += z if relative else 0.0
-        duration = _at_speed(height - z, speed if speed > 0 else self._parameters[TAKEOFF_SPEED])
-        return self._vertical(Stage.FLYING, now, height, yaw, duration)
-
-    def _land_at_speed(self, now: float, height: float, relative: bool, *rest: float) -> int:  # noqa: FBT001
-        yaw, speed = _yaw_and_last(rest)
-        z = float(self._reference(now)[0][2])
-        height = z - height if relative else height
-        duration = _at_speed(height - z, speed if speed > 0 else self._parameters[LANDING_SPEED])
-        return self._vertical(Stage.LANDING, now, height, yaw, duration)
+        if relative:
+            height = z - height if stage is Stage.LANDING else z + height
+        speed = speed if speed > 0 else self._parameters[MEAN_SPEEDS[stage]]
+        duration = abs(height - z) / speed if speed > 0 else math.inf
+        return self._vertical(stage, now, height, yaw, duration)
 
     def _stop(self, _now: float) -> int:
         self.stop()
@@ -202,20 +198,10 @@ class HighLevel:
         return self._plan(Stage.FLYING, [piece], now)
 
     def _spiral(self, now: float, sideways: int, clockwise: int, *rest: float) -> int:
-        angle, first_radius, last_radius, rise, duration = rest
-        if not (_lasts(duration) and sound(rest)):
+        if not (_lasts(rest[-1]) and sound(rest)):
             return errno.ENOEXEC
         start, *_ = self._reference(now)
-        piece = spiral(
-            start,
-            bool(sideways),
-            bool(clockwise),
-            angle,
-            first_radius,
-            last_radius,
-            rise,
-            duration,
-        )
+        piece = spiral(start, bool(sideways), bool(clockwise), *rest)
         return self._plan(Stage.FLYING, [piece], now)
 
     def _define(
@@ -274,10 +260,6 @@ def _yaw_and_last(rest: tuple[float, ...]) -> tuple[float | None, float]:
         return 0.0, rest[0]
     yaw, present, last = rest
     return (None if present else yaw), last
-
-
-def _at_speed(distance: float, speed: float) -> float:
-    return abs(distance) / speed if speed > 0 else math.inf
 
 
 def _lasts(duration: float) -> bool:

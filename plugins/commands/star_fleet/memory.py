@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import errno
+import operator
 import struct
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import Final, NamedTuple, Protocol
+from typing import Final, NamedTuple
 
 from star_core import World
 from star_core.toolkit import rotation_from_quaternion
@@ -42,78 +43,63 @@ COUNT, DETAILS = 1, 2  # commands of the channel 0
 INFO, READ, WRITE = 0, 1, 2  # channels
 
 
-class Memory(Protocol):
-    """What a client can read and write."""
+class Memory:
+    """Bytes that a client can read, and not write."""
 
-    size: int
-
-    def read(self, start: int, count: int) -> bytes | None:
-        """Return bytes; None if they cannot be read."""
-
-    def write(self, start: int, data: bytes) -> bool:
-        """Write bytes; return whether that is possible."""
-
-
-class Stored:
-    """Bytes that stay as they are written.
-
-    Args:
-        content: The bytes; they change with what is written.
-    """
-
-    def __init__(self, content: bytearray) -> None:
+    def __init__(self, content: bytes | bytearray) -> None:
         self.content, self.size = content, len(content)
 
     def read(self, start: int, count: int) -> bytes | None:
+        """Return bytes; None if they cannot be read."""
         return bytes(self.content[start : start + count]) if start + count <= self.size else None
+
+    def write(self, start: int, data: bytes) -> bool:
+        """Write bytes; return whether that is possible."""
+        return False
+
+
+class Stored(Memory):
+    """Bytes that stay as they are written: what is written changes the content."""
+
+    def __init__(self, content: bytearray) -> None:
+        super().__init__(content)
+        self._content = content
 
     def write(self, start: int, data: bytes) -> bool:
         if start + len(data) > self.size:
             return False
-        self.content[start : start + len(data)] = data
+        self._content[start : start + len(data)] = data
         return True
 
 
-class ReadOnly(Stored):
-    """Bytes that cannot be written."""
-
-    def write(self, start: int, data: bytes) -> bool:
-        return False
-
-
-class Tester:
+class Tester(Memory):
     """Bytes that are their own addresses, for tests of the link.
 
     Attributes:
         errors: Bytes written that were not.
     """
 
-    size = TESTER_BYTES
-
     def __init__(self) -> None:
+        super().__init__(bytes(i & 0xFF for i in range(TESTER_BYTES)))
         self.errors = 0
 
-    def read(self, start: int, count: int) -> bytes | None:
-        fits = start + count <= self.size
-        return bytes((start + i) & 0xFF for i in range(count)) if fits else None
-
     def write(self, start: int, data: bytes) -> bool:
-        if start + len(data) > self.size:
+        expected = self.read(start, len(data))
+        if expected is None:
             return False
-        self.errors += sum(value != (start + i) & 0xFF for i, value in enumerate(data))
+        self.errors += sum(map(operator.ne, data, expected))
         return True
 
 
-class Stations:
+class Stations(Memory):
     """Geometries and calibrations of Lighthouse base stations, a page each.
 
     Args:
         geometries: Of the first ones, as they are stored.
     """
 
-    size = 2 * CALIBRATION
-
     def __init__(self, geometries: Iterable[bytes]) -> None:
+        super().__init__(bytes(2 * CALIBRATION))
         self._pages = {
             start + PAGE * i: Stored(bytearray(count))
             for start, count in ((0, GEOMETRY_BYTES), (CALIBRATION, CALIBRATION_BYTES))
@@ -131,26 +117,21 @@ class Stations:
         return page is not None and page.write(start % PAGE, data)
 
 
-class Zones:
+class Zones(Memory):
     """Distances that a sensor measures in 8 x 8 directions, measured as the first is read.
 
     Args:
         measure: Returns them, mm, row by row from above.
     """
 
-    size = ZONE_BYTES
-
     def __init__(self, measure: Callable[[], Sequence[int]]) -> None:
+        super().__init__(bytes(ZONE_BYTES))
         self._measure = measure
-        self._content = bytes(ZONE_BYTES)
 
     def read(self, start: int, count: int) -> bytes | None:
         if start == 0:
-            self._content = struct.pack("<64H", *self._measure())
-        return self._content[start : start + count] if start + count <= self.size else None
-
-    def write(self, start: int, data: bytes) -> bool:
-        return False
+            self.content = struct.pack("<64H", *self._measure())
+        return super().read(start, count)
 
 
 class Entry(NamedTuple):
@@ -178,7 +159,7 @@ class Memories:
             Entry(TRAJECTORY, Stored(self.trajectory)),
             Entry(LIGHTHOUSE, Stations(equipment.stations)),
             Entry(TESTER, self.tester),
-            Entry(DECKS, ReadOnly(bytearray([DECKS_VERSION]).ljust(DECKS_BYTES, b"\0"))),
+            Entry(DECKS, Memory(bytes([DECKS_VERSION]).ljust(DECKS_BYTES, b"\0"))),
             *_of_decks(decks, equipment.zones),
         )
 
@@ -230,7 +211,7 @@ def _of_decks(decks: Sequence[Deck], zones: Callable[[], Sequence[int]]) -> Iter
     """Yield the memories that decks bring with them."""
     for i, deck in enumerate(decks):
         if deck.controlled:
-            yield Entry(DECK_CONTROL, ReadOnly(bytearray(deck_information(deck))))
+            yield Entry(DECK_CONTROL, Memory(deck_information(deck)))
         else:
             content = bytearray(one_wire(deck).ljust(ONE_WIRE_BYTES, b"\xff"))
             yield Entry(ONE_WIRE, Stored(content), bytes([0x0D, *([0] * 5), i + 1, deck.product]))

@@ -52,10 +52,8 @@ class Vehicle:
     Attributes:
         version: Protocol version of its firmware.
         stream: Its reports.
-        accelerometer: Those of its accelerometer.
         position_variance: Those of the variances of its position, where it knows the map.
         variables: Its table of log variables.
-        parameters: Its table of parameters.
         take_off_memory: Number of the memory for profiles of take-offs; None if there is none.
         settling: Whether `connect` waits for its estimator to settle.
         steered: Whether it is flown by setpoints.

@@ -10,11 +10,10 @@ from collections.abc import Iterator
 
 import pytest
 
-from star_core import Camera, Fence, Image, PluginError, Scene, Tag, World
+from star_core import PluginError
 from star_core.testing import scene
 from star_fleet.packet import NULL, Port, join
 from star_fleet.server import address
-from star_sim.camera_sim.options import camera_options
 from tests.plugins.commands.star_fleet.conftest import place
 from tests.simulators import ideal_fleet
 
@@ -97,35 +96,6 @@ def test_serving_ends_at_a_time_and_at_a_word() -> None:
     fleet.close()
     fleet.close()
     assert 0 < fleet.busy < 60
-
-
-def test_the_same_seed_gives_the_same_flight() -> None:
-    ends = []
-    for _ in range(2):
-        fleet = ideal_fleet(scene(2, seed=5))
-        fleet.handle(0, join(Port.HIGH_LEVEL, 0, struct.pack("<BBff?f", 7, 0, 0.8, 0, 1, 1)))
-        for _ in range(200):
-            fleet.advance()
-        ends.append(fleet.simulator.drones["position"].copy())
-        fleet.close()
-    assert (ends[0] == ends[1]).all()
-    assert ends[0][0, 2] > 0.5
-
-
-def test_images_are_handed_on() -> None:
-    camera = Camera()
-    tag = Tag(0, 0.16, (1.0, 0.0, 0.3), (0.5, 0.5, 0.5, 0.5), "mark")
-    world = World("room", Fence((-5, -5, 0), (5, 5, 3)), landmarks=(tag,))
-    agents = tuple(type(agent)(agent.name, agent.start, camera=camera) for agent in scene(1).agents)
-    fleet = ideal_fleet(Scene(agents, 0.05, world), camera=camera_options())
-    seen: list[tuple[Image, float, float]] = []
-    fleet.watch(0, lambda image, taken: seen.append((image, taken, fleet.time)), lambda: True)
-    for _ in range(100):
-        fleet.advance()
-    fleet.close()
-    assert len(seen) >= 3
-    assert seen[0][0].shape == (camera.height, camera.width)
-    assert all(now > taken for _, taken, now in seen)
 
 
 @pytest.mark.parametrize(

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from star_fleet.packet import Port, compress
-from star_fleet.setpoints import STOP, Demand, Sticks, decode
-from star_sim.drone import FREE, POSITION, SPEED
+from star_fleet.setpoints import Demand, Sticks, decode
+from star_sim.drone import FREE, POSITION
 from tests.plugins.commands.star_fleet.conftest import Bench, Start
 
 ANGLES = {"althold": 0, "poshold": 0, "posSet": 0, "stabModeRoll": 1, "stabModePitch": 1}
@@ -118,14 +118,6 @@ def test_short_or_nonfinite_setpoints_are_ignored(kind: int) -> None:
     assert decode(bytes([kind]) + bytes(9)) is None
     if kind != 6:
         assert decode(struct.pack("<B4f", kind, math.nan, 0, 0, 0)) is None
-
-
-def test_what_is_held_is_what_the_format_has() -> None:
-    assert decode(b"\0") == STOP
-    assert decoded("B4f", 8, 1, 2, 3, 0).axes == (SPEED, SPEED, SPEED)
-    assert decoded("B4f", 10, 1, 2, 0, 3).axes == (SPEED, SPEED, POSITION)
-    assert decoded("B4f", 9, 1, 2, 0, 3).axes == (FREE, FREE, POSITION)
-    assert decoded("B4f", 7, 1, 2, 3, 0).axes == (POSITION, POSITION, POSITION)
 
 
 def test_levelling_out_keeps_height_and_frees_other_axes() -> None:

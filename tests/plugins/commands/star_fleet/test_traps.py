@@ -181,20 +181,6 @@ def test_full_state_yaw_rates_in_degrees_overflow() -> None:
         full_state(45.0)
 
 
-def test_full_state_yaw_rates_have_no_effect_in_flight(start: Start) -> None:
-    def after(yaw_rate: float) -> Any:
-        bench = start()
-        bench.takeoff()
-        bench.fly(3.0)
-        for _ in range(20):
-            bench.ask(Port.SETPOINT, 0, full_state(yaw_rate))
-            bench.fly(0.05)
-        return bench.fleet.simulator.drones[0].copy()
-
-    assert struct.unpack("<h", full_state(30.0)[-2:]) == (30_000,)  # 1719 deg/s
-    assert after(30.0) == after(math.radians(30.0))
-
-
 def test_a_vehicle_with_brushed_motors_is_armed_by_itself(bench: Bench) -> None:
     flags = Supervisor.ARMED | Supervisor.AUTO_ARM | Supervisor.CAN_FLY
     assert bench.state() == flags

@@ -125,7 +125,12 @@ def make(tmp_path: Path, stack: ExitStack) -> Open:
     """Make a radio to some addresses; it is closed at the end."""
 
     def make(uris: list[str], *, reports_in_map: bool = False, **how: Any) -> Radio:
-        given: dict[str, Any] = {"cache": str(tmp_path), "response_timeout": 0.6} | how
+        given: dict[str, Any] = {
+            "cache": str(tmp_path),
+            "response_timeout": 0.6,
+            "landing_timeout": 1.0,  # s, for peers that stay in the air
+            **how,
+        }
         room = dataclasses.replace(reached(uris), reports_in_map=reports_in_map)
         radio = star_radio.make(room, **options(**given))
         assert isinstance(radio, Radio)

@@ -17,7 +17,7 @@ from star_core.world.camera import Camera
 from star_fleet.aideck import AideckServer
 from star_radio.camera.ai_decks import AiDecks
 from tests.plugins.transports.star_radio.conftest import Open, Peers
-from tests.waiting import free_port
+from tests.waiting import eventually, free_port
 
 SHAPE = (32, 48)
 
@@ -77,18 +77,21 @@ def open_decks(stack: ExitStack) -> Callable[[int], AiDecks]:
 
 
 def watched(
-    decks: AiDecks, caplog: pytest.LogCaptureFixture, words: str, server: AideckServer | None = None
+    decks: AiDecks,
+    caplog: pytest.LogCaptureFixture,
+    words: str,
+    server: AideckServer | None = None,
+    shape: tuple[int, int] = SHAPE,
 ) -> bool:
-    """Take images as ticks do, until something was said; say whether it was."""
-    end = time.monotonic() + 5
-    while not any(words in message for message in caplog.messages):
-        if time.monotonic() > end:
-            return False
+    """Take images as ticks do, until something was logged; return whether it was."""
+
+    def logged() -> bool:
         if server is not None:
-            server.publish(np.zeros(SHAPE, np.uint8), 0.0)
+            server.publish(np.zeros(shape, np.uint8), 0.0)
         decks.frames(0.0)
-        time.sleep(0.02)
-    return True
+        return any(words in message for message in caplog.messages)
+
+    return eventually(logged)
 
 
 def test_missing_decks_are_reported_and_delay_no_agent(
@@ -167,12 +170,7 @@ def test_a_deck_that_sends_images_of_another_size_is_reported(
     with AideckServer(port=0) as server:
         decks = open_decks(server.address[1])
         decks.connect(5.0)
-        end = time.monotonic() + 5
-        while not caplog.messages:
-            assert time.monotonic() < end
-            server.publish(np.zeros(other, np.uint8), 0.0)
-            decks.frames(0.0)
-            time.sleep(0.02)
+        assert watched(decks, caplog, "it sends", server, other)
     [told] = caplog.messages
     assert told == (
         "radio: the camera of cf1 is not available: it sends images that are not 48 x 32 px"

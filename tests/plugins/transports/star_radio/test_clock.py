@@ -72,15 +72,9 @@ def altered(*stamps: int) -> tuple[Clock, list[float]]:
     return clock, [clock.time(*one) - one[1] for one in zip(every, arrivals, strict=True)]
 
 
-@pytest.mark.parametrize("stamp", [20, 200_000, WRAP // 2 + 5000])
-def test_an_altered_timestamp_in_one_report_is_no_restart(stamp: int) -> None:
-    clock, late = altered(stamp)
-    assert not clock.restarted
-    assert max(map(abs, late)) < 1e-9
-
-
-def test_inconsistent_corrupt_timestamps_are_no_restart() -> None:
-    clock, late = altered(20, 200_000, 3000)
+@pytest.mark.parametrize("stamps", [(20,), (200_000,), (WRAP // 2 + 5000,), (20, 200_000, 3000)])
+def test_altered_timestamps_that_disagree_are_no_restart(stamps: tuple[int, ...]) -> None:
+    clock, late = altered(*stamps)
     assert not clock.restarted
     assert max(map(abs, late)) < 1e-9
 

@@ -198,16 +198,16 @@ def uris(drones: list[Peer]) -> list[str]:
     return [drone.uri for drone in drones]
 
 
-def test_every_drone_is_put_into_its_groups_at_last(peers: Peers, aloud: Open) -> None:
+@pytest.mark.parametrize(
+    ("groups", "masks"),
+    [({"left": (0, 1), "right": (1, 2)}, [b"\3", b"\7", b"\5"]), ({}, [b"\1"] * 3)],
+)
+def test_every_drone_is_put_into_its_groups_at_last(
+    peers: Peers, aloud: Open, groups: Groups, masks: list[bytes]
+) -> None:
     drones = peers(3)
-    aloud(uris(drones), {"left": (0, 1), "right": (1, 2)}, Air()).connect()
-    assert [drone.sent_to(8, 0) for drone in drones] == [[b"\0\3"], [b"\0\7"], [b"\0\5"]]
-
-
-def test_an_agent_that_is_in_no_group_is_in_that_of_all(peers: Peers, aloud: Open) -> None:
-    drones = peers(1)
-    aloud(uris(drones), {}, Air()).connect()
-    assert drones[0].sent_to(8, 0) == [b"\0\1"]
+    aloud(uris(drones), groups, Air()).connect()
+    assert [drone.sent_to(8, 0) for drone in drones] == [[b"\0" + mask] for mask in masks]
 
 
 def test_without_a_broadcast_all_drones_are_put_into_one_group(peers: Peers, connect: Open) -> None:
@@ -238,25 +238,19 @@ def told(drone: Peer) -> list[bytes]:
     return [payload for payload in drone.sent_to(8, 0) if payload[0] == STOP[1]]
 
 
-def test_a_broadcast_that_is_heard_is_confirmed(peers: Peers, aloud: Open) -> None:
-    drones = peers(3)
-    radio = aloud(uris(drones), TRIO, Air())
-    radio.connect()
-    radio.command(command(Order.STOP, [0, 1]))
-    ticks(radio, 12)
-    assert [set(told(drone)) for drone in drones] == [{b"\3\2"}] * 3
-    assert len(told(drones[2])) == 1  # the links repeat it to those that it is for
-
-
-def test_a_broadcast_that_is_lost_is_given_again_by_link(peers: Peers, aloud: Open) -> None:
-    drones = peers(3)
-    air = Air()
+@pytest.mark.parametrize("lost", [False, True])
+def test_a_broadcast_is_repeated_by_the_links_of_its_group(
+    peers: Peers, aloud: Open, *, lost: bool
+) -> None:
+    drones, air = peers(3), Air()
     radio = aloud(uris(drones), TRIO, air)
     radio.connect()
-    air.hearers = []
+    if lost:
+        air.hearers = []
     radio.command(command(Order.STOP, [0, 1]))
     ticks(radio, 12)
-    assert [set(told(drone)) for drone in drones] == [{b"\3\2"}, {b"\3\2"}, set()]
+    assert [set(told(drone)) for drone in drones[:2]] == [{b"\3\2"}] * 2
+    assert told(drones[2]) == ([] if lost else [b"\3\2"])
 
 
 def test_what_is_newer_voids_what_is_still_broadcast(peers: Peers, aloud: Open) -> None:

@@ -132,26 +132,16 @@ def test_links_that_open_too_late_are_closed_then(driver: Driver) -> None:
     assert eventually(lambda: driver.closed)
 
 
-def test_a_link_that_stays_weak_is_reported_once(
-    link: Link, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("star_radio.connection.link.MIN_DURATION", 0.0)
-    link.note_quality({"uplink_rssi": 40.0})
-    link.note_quality({"link_quality": 71.0})
-    assert caplog.text == ""
-    for quality in (69.0, 60.0):
-        link.note_quality({"link_quality": quality})
-    [told] = caplog.messages
-    assert told == "radio: the link of cf1 is weak: its quality is 69 %, below 70 % for 0 s"
-
-
-def test_a_link_that_recovers_in_time_is_not_weak(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_link_that_stays_weak_is_reported_once(caplog: pytest.LogCaptureFixture) -> None:
     quality = Quality("cf1")
-    for now, percent in enumerate((60.0, 60.0, 80.0, 60.0, 60.0)):
+    quality.note({"uplink_rssi": 40.0}, 0.0)
+    for now, percent in enumerate((60.0, 60.0, 80.0, 60.0, 60.0)):  # it recovers in time
         quality.note({"link_quality": percent}, float(now))
     assert caplog.text == ""
-    quality.note({"link_quality": 65.0}, 5.0)
-    assert "cf1 is weak: its quality is 65 %, below 70 % for 2 s" in caplog.text
+    for now in (5.0, 6.0):
+        quality.note({"link_quality": 65.0}, now)
+    weak = "radio: the link of cf1 is weak: its quality is 65 %, below 70 % for 2 s"
+    assert caplog.messages == [weak]
 
 
 def test_a_complaint_with_a_traceback_is_one_line(

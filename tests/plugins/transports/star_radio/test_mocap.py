@@ -79,13 +79,14 @@ def bodies(kind: str, **system: Any) -> TrueBodies:
 
 def seen(capture: TrueBodies, began: float = 0.0) -> Truth:
     """Return the truth once it has a velocity: from two frames, of which the newest is not old."""
-    end = time.monotonic() + 10
-    while time.monotonic() < end:
+
+    def moving() -> Truth | None:
         truth = capture.truth(began)
-        if truth is not None and np.isfinite(truth.velocity[0]).all():
-            return truth
-        time.sleep(0.01)
-    pytest.fail("no truth")
+        return truth if truth is not None and np.isfinite(truth.velocity[0]).all() else None
+
+    truth = eventually(moving)
+    assert truth is not None
+    return truth
 
 
 def is_unknown(capture: TrueBodies) -> bool:

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 import star_radio
-from star_core import Camera, Registry, Scene
+from star_core import Camera
 from star_core.testing import scene
 from star_radio.address import fault
 from tests.plugins.transports.star_radio.conftest import options as defaults
@@ -24,11 +24,6 @@ def found(uris: list[str | None], **options: Any) -> list[str]:
     )
     room = dataclasses.replace(room, agents=tuple(agents))
     return [problem.message for problem in star_radio.check(room, **defaults(**options))]
-
-
-def test_it_is_offered_as_one_of_real_time() -> None:
-    offer = Registry().find("transport", "radio").offer
-    assert offer.realtime
 
 
 @pytest.mark.parametrize(
@@ -118,65 +113,49 @@ def test_a_mode_that_cflib_does_not_have_is_refused(
     assert [(p.path, p.message) for p in problems] == [(("mode",), one) for one in told]
 
 
-CAMERAS = {  # by agent: address, and what is wrong
-    "cf9": ("host", "no agent is named 'cf9'"),
-    "cf2": ("host", "agent 'cf2' carries no camera: set its 'camera'"),
-    "cf1": ("1.2.3.4:99999", "'1.2.3.4:99999' has no port from 1 to 65535"),
-    "cf3": ("1.2.3.4:0", "'1.2.3.4:0' has no port from 1 to 65535"),
-}
+USB = ["usb://0", "usb://1", "usb://2"]
 
 
-@pytest.mark.parametrize("name", CAMERAS)
-def test_a_camera_that_cannot_be_read_is_named_and_located(name: str) -> None:
-    address, told = CAMERAS[name]
-    room = reached(["usb://0", "usb://1", "usb://2"])
-    one, two, three = room.agents
-    agents = (
-        dataclasses.replace(one, camera=Camera()),
-        two,
-        dataclasses.replace(three, camera=Camera()),
+@pytest.mark.parametrize(
+    ("uris", "options", "path", "code"),
+    [
+        (USB, {"cameras": {"cf9": "host"}}, ("cameras", "cf9"), "unknown-agent"),
+        (USB, {"cameras": {"cf2": "host"}}, ("cameras", "cf2"), "missing-camera"),
+        (USB, {"cameras": {"cf1": "1.2.3.4:99999"}}, ("cameras", "cf1"), "out-of-range"),
+        (USB, {"cameras": {"cf3": "1.2.3.4:0"}}, ("cameras", "cf3"), "out-of-range"),
+        (
+            USB,
+            {"cameras": {"cf1": "deck", "cf3": "deck:5000"}},
+            ("cameras", "cf3"),
+            "duplicate-address",
+        ),
+        (
+            ["tcp://deck:5000"],
+            {"cameras": {"cf1": "Deck"}},
+            ("cameras", "cf1"),
+            "duplicate-address",
+        ),
+        (["radio://1/80/2M/E701"], {"broadcast": 1}, ("broadcast",), "option-conflict"),
+        (["radio://01/80/2M/E701"], {"broadcast": 1}, ("broadcast",), "option-conflict"),
+        (["radio://1/80/2M/E701"], {"broadcast": 0}, None, ""),
+        (["tcp://127.0.0.1:6000"], {"cameras": {"cf1": "127.0.0.1:5000"}}, None, ""),
+        (["udp://127.0.0.1:5001"], {"cameras": {"cf1": "127.0.0.1:5001"}}, None, ""),
+        (["usb://0"], {"watchdog": True}, ("watchdog",), "out-of-range"),
+    ],
+)
+def test_options_that_cannot_be_used_are_located(
+    uris: list[str], options: dict[str, Any], path: tuple[str, ...] | None, code: str
+) -> None:
+    room = reached(uris, rate=1.0 if "watchdog" in options else 20.0)
+    agents = tuple(
+        dataclasses.replace(agent, camera=None if agent.name == "cf2" else Camera())
+        for agent in room.agents
     )
     room = dataclasses.replace(room, agents=agents)
-    [problem] = star_radio.check(room, **defaults(cameras={name: address}))
-    assert problem[:2] == (("cameras", name), told)
-
-
-def seeing(*uris: str) -> Scene:
-    """A scene whose agents have addresses and cameras."""
-    room = reached(list(uris))
-    agents = tuple(dataclasses.replace(agent, camera=Camera()) for agent in room.agents)
-    return dataclasses.replace(room, agents=agents)
-
-
-@pytest.mark.parametrize("address", ["Deck", "deck:5000"])
-def test_a_deck_serves_a_link_or_a_camera(address: str) -> None:
-    room = seeing("tcp://deck:5000")
-    assert [one[:2] for one in star_radio.check(room, **defaults(cameras={"cf1": address}))] == [
-        (
-            ("cameras", "cf1"),
-            "'deck:5000' is the link of agent 'cf1' already, and a deck serves one client",
-        )
-    ]
-
-
-def test_links_and_cameras_at_other_ports_of_a_host_are_served() -> None:
-    room = seeing("tcp://127.0.0.1:6000", "udp://127.0.0.1:5001")
-    cameras = {"cf1": "127.0.0.1:5000", "cf2": "127.0.0.1:5001"}
-    assert list(star_radio.check(room, **defaults(cameras=cameras))) == []
-
-
-@pytest.mark.parametrize("uri", ["radio://1/80/2M/E701", "radio://01/80/2M/E701"])
-def test_a_dongle_that_has_links_does_not_broadcast(uri: str) -> None:
-    assert [one[:2] for one in star_radio.check(reached([uri]), **defaults(broadcast=1))] == [
-        (("broadcast",), "dongle 1 carries the link of agent 'cf1': expected another")
-    ]
-    assert list(star_radio.check(reached([uri]), **defaults(broadcast=0))) == []
-
-
-def test_a_watchdog_needs_a_quick_tick() -> None:
-    room = reached(["usb://0"], rate=1.0)
-    [problem] = star_radio.check(room, **defaults(watchdog=True))
-    assert problem[:2] == (("watchdog",), "it needs a tick of 0.5 s or less, got 1 s")
+    problems = list(star_radio.check(room, **defaults(**options)))
+    assert [(problem.path, problem.code) for problem in problems] == (
+        [(path, code)] if path else []
+    )
 
 
 def test_packages_that_are_not_installed_are_named(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -49,10 +49,23 @@ FENCE = Fence((-3.0, -3.0, 0.0), (3.0, 3.0, 2.0))
 LIGHTHOUSE = Equipment(("Flow2", "Lighthouse4"), self_test=True)
 
 
-def findings(placement: Placement | None = None, **differs: Any) -> dict[str, Finding]:
+def findings(
+    placement: Placement | None = None,
+    *,
+    needs_map: bool = False,
+    flow_deck: bool = True,
+    **differs: Any,
+) -> dict[str, Finding]:
     """What is found of a drone that differs from a fit one, by check."""
-    drone = dataclasses.replace(FIT, **differs)
-    found = preflight.readiness(AGENT, drone, camera=False, battery_low=3.2, placement=placement)
+    found = preflight.readiness(
+        AGENT,
+        dataclasses.replace(FIT, **differs),
+        camera=False,
+        battery_low=3.2,
+        placement=placement,
+        needs_map=needs_map,
+        flow_deck=flow_deck,
+    )
     return {finding.check: finding for finding in found}
 
 
@@ -70,35 +83,23 @@ def test_starts_are_compared_as_the_deck_can(deck: str, x: float, severity: Seve
     assert found["start"].severity == severity
 
 
-@pytest.mark.parametrize(("needs_map", "severity"), [(False, Severity.WARNING), (True, "error")])
-def test_missing_stations_are_errors_if_they_locate(needs_map: bool, severity: str) -> None:  # noqa: FBT001 -- pytest
-    drone = dataclasses.replace(FIT, equipment=LIGHTHOUSE, stations={"Lighthouse4": 0})
-    listed = preflight.readiness(
-        AGENT, drone, camera=False, battery_low=3.2, placement=None, needs_map=needs_map
-    )
-    found = {finding.check: finding for finding in listed}
+@pytest.mark.parametrize(("needs_map", "severity"), [(False, "warning"), (True, "error")])
+def test_missing_stations_are_errors_if_they_locate(*, needs_map: bool, severity: str) -> None:
+    found = findings(needs_map=needs_map, equipment=LIGHTHOUSE, stations={"Lighthouse4": 0})
     assert found["positioning"].severity == severity
 
 
+@pytest.mark.parametrize("needs_map", [False, True])
 @pytest.mark.parametrize("attached", [False, True])
 @pytest.mark.parametrize("expected", [False, True])
-def test_flow_decks_unlike_in_the_mission_are_named(*, attached: bool, expected: bool) -> None:
-    decks = ("Flow2", "Lighthouse4") if attached else ("Lighthouse4",)
-    drone = dataclasses.replace(FIT, equipment=Equipment(decks, self_test=True))
-    for needs_map in (False, True):
-        listed = preflight.readiness(
-            AGENT,
-            drone,
-            camera=False,
-            battery_low=3.2,
-            placement=None,
-            needs_map=needs_map,
-            flow_deck=expected,
-        )
-        [found] = [finding for finding in listed if finding.check == "decks"]
-        differs = needs_map and attached != expected
-        assert found.severity == (Severity.WARNING if differs else Severity.OK)
-        assert (f"flow_deck: {str(attached).lower()}" in found.remedy) == differs
+def test_flow_decks_unlike_in_the_mission_are_named(
+    *, needs_map: bool, attached: bool, expected: bool
+) -> None:
+    equipment = Equipment(("Lighthouse4", *["Flow2"] * attached), self_test=True)
+    found = findings(needs_map=needs_map, flow_deck=expected, equipment=equipment)["decks"]
+    differs = needs_map and attached != expected
+    assert found.severity == (Severity.WARNING if differs else Severity.OK)
+    assert (f"flow_deck: {str(attached).lower()}" in found.remedy) == differs
 
 
 def test_each_injected_fault_is_named_and_no_other(

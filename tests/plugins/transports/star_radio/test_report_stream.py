@@ -89,33 +89,20 @@ def test_a_drone_that_rebooted_but_flies_is_landed(drone: Peer, connect: Open) -
     assert landings(drone)[0][1] == orders.ALL_GROUPS
 
 
-def notifications(drone: Peer) -> int:
-    return len(drone.sent_to(7, 1))
-
-
-def test_an_unheard_drone_is_not_notified_at_the_end(drone: Peer, connect: Open) -> None:
-    drone.values |= HOVERS
+@pytest.mark.parametrize(
+    ("hovers", "heard", "notified"),
+    [(True, False, 0), (True, True, 0), (False, True, 1)],  # without a plan its motors would stop
+)
+def test_only_a_drone_on_the_ground_is_notified_at_the_end(
+    drone: Peer, connect: Open, *, hovers: bool, heard: bool, notified: int
+) -> None:
+    drone.values |= HOVERS if hovers else {}
     radio = connect([drone])
     ticks(radio, 5)
-    drone.mute.set()  # it receives, but is not heard
-    ticks(radio, 21)
-    radio.vehicles[0]._handover = None
-    count = notifications(drone)
+    if not heard:
+        drone.mute.set()  # it receives, but is not heard
+        ticks(radio, 21)
+        radio.vehicles[0]._handover = None
+    count = len(drone.sent_to(7, 1))
     radio.vehicles[0].end_reports()
-    assert notifications(drone) == count
-
-
-def test_a_drone_in_the_air_is_not_notified_without_a_plan(drone: Peer, connect: Open) -> None:
-    drone.values |= HOVERS
-    radio = connect([drone])
-    ticks(radio, 5)
-    count = notifications(drone)
-    radio.vehicles[0].end_reports()
-    assert notifications(drone) == count
-
-
-def test_a_drone_on_the_ground_is_notified_at_the_end(drone: Peer, radio: Radio) -> None:
-    ticks(radio, 5)
-    count = notifications(drone)
-    radio.vehicles[0].end_reports()
-    assert notifications(drone) == count + 1
+    assert len(drone.sent_to(7, 1)) == count + notified

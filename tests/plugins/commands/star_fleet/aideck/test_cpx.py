@@ -81,8 +81,3 @@ def test_a_decoder_begins_anew_after_it_lost_its_way() -> None:
     with pytest.raises(SyncError):
         decoder.feed(b"\0\0\0")
     assert decoder.feed(encode(after)) == [after]
-
-
-def test_a_packet_that_is_too_long_is_not_encoded() -> None:
-    with pytest.raises(ValueError, match=r"^packet has 1021 bytes of data, expected at most 1020$"):
-        encode(Packet(Target.GAP8, Target.HOST, Function.APP, bytes(1021)))
