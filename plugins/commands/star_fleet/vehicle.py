@@ -104,7 +104,7 @@ class Vehicle:
             Port.LOG: self._on_log,
             Port.LOCALISATION: self._on_localisation,
             Port.SETPOINT: self._on_setpoint,
-            Port.HIGH_LEVEL: self._on_high_level,
+            Port.HIGH_LEVEL: lambda _channel, payload, now: self._guidance.obey(payload, now),
             Port.SUPERVISOR: self._on_supervisor,
             Port.PLATFORM: self._on_platform,
             Port.LINK: self._on_link,
@@ -218,9 +218,6 @@ class Vehicle:
             self._guidance.stream(demand, now)
         elif channel == META and payload[:1] == b"\0":
             self._guidance.let_go(now)
-
-    def _on_high_level(self, _channel: int, payload: bytes, now: float) -> bytes:
-        return self._guidance.obey(payload, now)
 
     def _on_log(self, channel: int, payload: bytes, now: float) -> bytes | None:
         if channel == TABLE:

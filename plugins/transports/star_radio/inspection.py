@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Final, Self, TypeVar
+from typing import Final, Self
 
 from star_core import Frames, PluginError
 from star_core.toolkit import Progress, shortlist
@@ -29,8 +29,6 @@ POSITION_VARIANCES: Final = ("kalman.varX", "kalman.varY")  # m²
 ECHOES: Final = 200  # by which a link without a dongle is measured
 ECHO_PERIOD: Final = 0.005  # s
 ECHO_TIMEOUT: Final = 1.0  # s, for the last ones
-
-Result = TypeVar("Result")
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,34 +131,27 @@ class Inspector:
 
     def inspect(self, *, settle: bool) -> dict[str, Inspection]:
         """Return the condition of each drone that is reached; `settle` waits for estimators."""
-
-        def inspect(vehicle: Vehicle) -> Inspection:
-            vehicle.connect(UNCHANGED, self._tables, self._period, None)
-            return inspection(vehicle, settle=settle)
-
-        return self.each(inspect)
-
-    def each(self, act: Callable[[Vehicle], Result]) -> dict[str, Result]:
-        """Return what a function returns for the drones that are reached, by name."""
-        results: dict[str, Result] = {}
-        vehicles = {name: each for name, each in self.vehicles.items() if name not in self.faults}
+        results: dict[str, Inspection] = {}
 
         def call(name: str) -> None:
+            vehicle = self.vehicles[name]
             try:
-                results[name] = act(vehicles[name])
+                vehicle.connect(UNCHANGED, self._tables, self._period, None)
+                results[name] = inspection(vehicle, settle=settle)
             except PluginError as error:
                 self.faults[name] = error.message
             progress.done += 1
 
         def detail() -> str:
-            return f"waiting for {shortlist(set(vehicles) - set(results) - set(self.faults))}"
+            return f"waiting for {shortlist(set(self.vehicles) - set(results) - set(self.faults))}"
 
+        n = len(self.vehicles)
         with (
-            Progress("inspecting", len(vehicles), unit="drones", detail=detail) as progress,
-            ThreadPoolExecutor(max(1, len(vehicles))) as pool,
+            Progress("inspecting", n, unit="drones", detail=detail) as progress,
+            ThreadPoolExecutor(n) as pool,
         ):
-            list(pool.map(call, vehicles))
-        return {name: results[name] for name in vehicles if name in results}
+            list(pool.map(call, self.vehicles))
+        return {name: results[name] for name in self.vehicles if name in results}
 
 
 def inspection(vehicle: Vehicle, *, settle: bool) -> Inspection:

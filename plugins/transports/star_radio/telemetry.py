@@ -81,14 +81,12 @@ class TelemetryBuffer:
             specific_force=np.array(
                 [vehicle.accelerometer.newest(now) for vehicle in self._vehicles]
             ),
-            position_variance=self._position_variance(now),
+            position_variance=np.array(
+                [vehicle.position_variance.newest(now) for vehicle in self._vehicles]
+            )
+            if self._in_map
+            else None,
         )
-
-    def _position_variance(self, now: float) -> Array | None:
-        """Return the variances of the positions, (N, 3) m²; None if no drone knows the map."""
-        if not self._in_map:
-            return None
-        return np.array([vehicle.position_variance.newest(now) for vehicle in self._vehicles])
 
     def _read(self) -> Samples:
         """Decode the reports that arrived, together for drones with the same layout."""
