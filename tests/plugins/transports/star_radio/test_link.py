@@ -138,8 +138,8 @@ def test_a_link_that_stays_weak_is_reported_once(caplog: pytest.LogCaptureFixtur
     for now, percent in enumerate((60.0, 60.0, 80.0, 60.0, 60.0)):  # it recovers in time
         quality.note({"link_quality": percent}, float(now))
     assert caplog.text == ""
-    for now in (5.0, 6.0):
-        quality.note({"link_quality": 65.0}, now)
+    for later in (5.0, 6.0):
+        quality.note({"link_quality": 65.0}, later)
     weak = "radio: the link of cf1 is weak: its quality is 65 %, below 70 % for 2 s"
     assert caplog.messages == [weak]
 

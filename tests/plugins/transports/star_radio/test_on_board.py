@@ -258,8 +258,10 @@ def fly_hook(folder: Path, then: Callable[[Air, Operator], object], *changes: st
     """Fly the trajectory on board, by two drones of which the second looks along y."""
     (folder / "hook.csv").write_text(hook())
     track = Track(then)
-    changes = ["limits={speed: 1.0}", "swarm.cf2.yaw_deg=90", *changes]
-    track.flight = flown(folder, n=2, steps=STEPS, changes=changes, watch=track, after=12.0)
+    own = ["limits={speed: 1.0}", "swarm.cf2.yaw_deg=90"]
+    track.flight = flown(
+        folder, n=2, steps=STEPS, changes=[*own, *changes], watch=track, after=12.0
+    )
     return track
 
 
