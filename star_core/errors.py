@@ -19,7 +19,7 @@ MAX_LISTED = 10  # names of agents in a message
 def coded(message: str, code: str) -> str:
     """Return a message that ends with a stable code; one that ends with a code keeps it.
 
-    Every code has a hyphen and an entry in `star_core.commands.error_codes`.
+    Every code has a hyphen and an entry in the catalogue of ``star errors``.
 
     >>> coded("no such file", "file-not-found")
     'no such file [file-not-found]'
@@ -58,7 +58,7 @@ class Problem(NamedTuple):
     Attributes:
         path: Keys and indices from the plugin's options to the value; empty for the whole.
         message: What is wrong and what was expected.
-        code: Identifies the kind of mistake, see `star_core.commands.error_codes`.
+        code: Identifies the kind of mistake, see ``star errors``.
         warning: Whether the mission can be flown all the same.
     """
 
@@ -100,7 +100,7 @@ class StarError(Exception):
 
     Args:
         message: What is wrong, and what to do.
-        code: Identifies the kind of error, see `star_core.commands.error_codes`; the last
+        code: Identifies the kind of error, see ``star errors``; the last
             words of the text.
             If the message already ends with a code, such as that of another error, it is kept.
     """

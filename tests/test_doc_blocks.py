@@ -21,7 +21,7 @@ from jsonschema import Draft202012Validator
 from ruamel.yaml import YAML
 
 import star_mcap
-from star_core.commands import error_catalogue
+from star_basics.errors import error_catalogue
 from star_core.commands.command_line import parser_of as parser_of_spec
 from star_core.commands.main import main
 from star_core.plugin_support.registry import Registry

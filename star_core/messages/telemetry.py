@@ -64,6 +64,19 @@ def emergency(state: int) -> str:
     return ", ".join(text for bit, text in EMERGENCIES.items() if state & bit)
 
 
+class Timed(Table):
+    """A table of what was taken at one time, and arrived at another."""
+
+    __slots__ = ()
+    taken: Array
+    arrived: Array
+
+    @property
+    def time(self) -> Array:
+        """(K,) `taken`, or `arrived` where that is unknown, s."""
+        return np.where(np.isfinite(self.taken), self.taken, self.arrived)
+
+
 def merged(tables: Iterable[Any], none: Any) -> Any:
     """Return the rows of several tables, in order; `none` if there is none."""
     filled = [table for table in tables if len(table.agent)]
@@ -98,7 +111,7 @@ class Odometry(Table):
 
 
 @table(per="image")
-class Frames(Table):
+class Frames(Timed):
     """Images that arrived since the last tick, in the order of their arrival.
 
     Attributes:
@@ -113,14 +126,9 @@ class Frames(Table):
     arrived: Array = column()
     image: tuple[Image, ...] = counted(default=())
 
-    @property
-    def time(self) -> Array:
-        """(K,) `taken`, or `arrived` where that is unknown, s."""
-        return np.where(np.isfinite(self.taken), self.taken, self.arrived)
-
 
 @table(per="tag")
-class Detections(Table):
+class Detections(Timed):
     """Tags detected in images, by a camera's own processor or by the localizer.
 
     Attributes:
@@ -149,11 +157,6 @@ class Detections(Table):
             raise row_count_error("Detections", counts, "tag")
         object.__setattr__(self, "rejected", reasons)
 
-    @property
-    def time(self) -> Array:
-        """(K,) `taken`, or `arrived` where that is unknown, s: equal to that of the image."""
-        return np.where(np.isfinite(self.taken), self.taken, self.arrived)
-
     @classmethod
     def merged(cls, tables: Iterable[Self]) -> Self:
         """Return the rows of several tables, in order."""
@@ -171,7 +174,7 @@ UNLABELLED: Final = -1
 
 
 @table(per="fix")
-class PoseFixes(Table):
+class PoseFixes(Timed):
     """Poses of agents in the map, as a positioning system measured them.
 
     Attributes:
@@ -194,11 +197,6 @@ class PoseFixes(Table):
     position_std: Array = column()
     attitude_std: Array = column()
     correlation_time: Array = column()
-
-    @property
-    def time(self) -> Array:
-        """(K,) `taken`, or `arrived` where that is unknown, s."""
-        return np.where(np.isfinite(self.taken), self.taken, self.arrived)
 
     @classmethod
     def merged(cls, tables: Iterable[Self]) -> Self:

@@ -7,8 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from star_basics.errors import page
-from star_core.commands import error_catalogue
+from star_basics.errors import error_catalogue, page
 from star_core.commands.main import main
 from star_core.errors import (
     ContractError,

@@ -11,8 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from star_core.errors import ContractError, InputError
-from star_core.messages.telemetry import Detections, Frames, Sightings
+from star_core.errors import InputError
 from star_core.mission import Mission
 from star_core.plugin_support.registry import Registry
 from star_core.world.camera import Camera
@@ -130,14 +129,3 @@ def test_a_product_of_turns_does_one_after_the_other(a: float, b: float, c: floa
     first, second = turned(a, b, c), turned(c, a, b)
     both = moved(second, moved(first, (0.3, -0.2, 1.0)))
     assert moved(product(second, first), (0.3, -0.2, 1.0)) == pytest.approx(both)
-
-
-def test_there_is_an_image_for_every_row_of_frames() -> None:
-    with pytest.raises(
-        ContractError, match=r"^Frames\.image has 0 rows, but agent, taken and arrived have 1"
-    ):
-        Frames(np.zeros(1, np.int64), np.zeros(1), np.zeros(1), ())
-
-
-def test_nothing_seen_is_an_empty_table() -> None:
-    assert len(Frames.none().agent) == len(Detections.none().tag) == len(Sightings.none().tag) == 0

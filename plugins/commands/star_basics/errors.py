@@ -3,10 +3,28 @@
 from __future__ import annotations
 
 from argparse import ArgumentParser, Namespace
+from functools import cache
+from typing import NamedTuple
 
 from star_core import InputError, Registry
-from star_core.commands import error_catalogue
 from star_core.toolkit import suggestion
+
+
+class Entry(NamedTuple):
+    """A code of `error_codes.toml`: what it means and how to correct the error."""
+
+    meaning: str
+    remedy: str
+
+
+@cache
+def error_catalogue() -> dict[str, Entry]:
+    """Return the entries by code."""
+    import tomllib
+    from importlib.resources import files
+
+    text = (files("star_basics") / "error_codes.toml").read_text(encoding="utf-8")
+    return {code: Entry(**entry) for code, entry in tomllib.loads(text).items()}
 
 
 def configure(line: ArgumentParser) -> None:
