@@ -26,7 +26,6 @@ from star_radio.telemetry import TelemetryBuffer
 from star_radio.vehicle import Vehicle
 
 PERIOD: Final = 0.05  # s, between two steps
-SETTLING_TIME: Final = 2.5  # s, for which a drone on the ground may yet report to fly
 
 
 def run(options: argparse.Namespace, registry: Registry) -> int:

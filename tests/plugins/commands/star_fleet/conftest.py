@@ -26,8 +26,11 @@ def place(address: str) -> tuple[str, int]:
 
 def received(client: socket.socket, size: int) -> bytes:
     """Return the next bytes of a connection, so many."""
-    data = client.recv(size, socket.MSG_WAITALL)
-    assert len(data) == size, "it hung up"
+    data = b""
+    while len(data) < size:
+        piece = client.recv(size - len(data))
+        assert piece, "it hung up"
+        data += piece
     return data
 
 

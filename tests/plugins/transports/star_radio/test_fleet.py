@@ -155,7 +155,10 @@ def test_drones_flying_at_the_end_land_and_are_not_locked(
 
 
 def test_a_drone_is_flown_over_tcp_until_the_connection_is_gone(
-    tmp_path: Path, capfd: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
+    tmp_path: Path,
+    capfd: pytest.CaptureFixture[str],
+    caplog: pytest.LogCaptureFixture,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     caplog.set_level(logging.DEBUG)  # as `--verbose`
     with ideal_fleet(scene(1), noise=False) as fleet:  # in real time: the driver is cflib's
@@ -166,6 +169,7 @@ def test_a_drone_is_flown_over_tcp_until_the_connection_is_gone(
         flight.order(Order.TAKEOFF, 0.5)
         assert flight.until(high)
         assert flight.now.age[0] < 0.3
+        monkeypatch.setattr("star_radio.connection.cflib_link.TCP_TIMEOUT", 0.5)
         server.close()
         assert flight.until(lambda now: now.age[0] > 0.5)
         link = flight.vehicles[0].link
