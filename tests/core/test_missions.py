@@ -55,17 +55,8 @@ def flown(
     mission: Path, out: Path, *arguments: str, settings: Sequence[str] = ()
 ) -> dict[str, Any]:
     """Fly a mission, record it in `out`, and return its summary."""
-    main(
-        [
-            "run",
-            str(mission),
-            "--json",
-            "--out",
-            str(out),
-            *arguments,
-            *(f"--set={s}" for s in settings),
-        ]
-    )
+    changes = (f"--set={setting}" for setting in settings)
+    main(["run", str(mission), "--json", "--out", str(out), *arguments, *changes])
     summary: dict[str, Any] = json.loads((out / "summary.json").read_text())
     assert (summary["outcome"], summary["reason"]) == ("completed", "")
     return summary

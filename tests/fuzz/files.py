@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 import shutil
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, redirect_stdout
 from functools import cache, partial
 from io import StringIO
@@ -66,6 +66,21 @@ def _plugins_found_once() -> Iterator[None]:
         yield
 
 
+def _spoiling(files: Iterable[Path], read: Callable[[Path], object]) -> Try:
+    """Return what spoils one of some files, reads it and restores it."""
+    originals = {file: file.read_bytes() for file in files}
+
+    def attempt(draw: Draw) -> str:
+        file = draw.choice(list(originals))
+        file.write_bytes(spoiled(originals[file], draw))
+        try:
+            return outcome(lambda: read(file))
+        finally:
+            file.write_bytes(originals[file])
+
+    return attempt
+
+
 @contextmanager
 def missions(folder: Path) -> Iterator[Try]:
     """Shipped missions and the worlds that they name."""
@@ -75,17 +90,8 @@ def missions(folder: Path) -> Iterator[Try]:
         mission_of = {name: name for name in names}
         for name in names:
             mission_of[load(copy / name, registry()).source["world"]] = name
-        originals = {name: (copy / name).read_bytes() for name in mission_of}
-
-        def attempt(draw: Draw) -> str:
-            name = draw.choice(sorted(originals))
-            (copy / name).write_bytes(spoiled(originals[name], draw))
-            try:
-                return outcome(lambda: load(copy / mission_of[name], registry()))
-            finally:
-                (copy / name).write_bytes(originals[name])
-
-        yield attempt
+        of_file = {copy / name: copy / mission for name, mission in sorted(mission_of.items())}
+        yield _spoiling(of_file, lambda file: load(of_file[file], registry()))
 
 
 @contextmanager
@@ -93,17 +99,8 @@ def studies(folder: Path) -> Iterator[Try]:
     """Shipped studies."""
     with _plugins_found_once():
         copy = shutil.copytree(MISSIONS, folder / "missions")
-        originals = {path: path.read_bytes() for path in sorted((copy / "studies").glob("*.yaml"))}
-
-        def attempt(draw: Draw) -> str:
-            path = draw.choice(list(originals))
-            path.write_bytes(spoiled(originals[path], draw))
-            try:
-                return outcome(lambda: read_study(path, registry()))
-            finally:
-                path.write_bytes(originals[path])
-
-        yield attempt
+        files = sorted((copy / "studies").glob("*.yaml"))
+        yield _spoiling(files, lambda file: read_study(file, registry()))
 
 
 @contextmanager

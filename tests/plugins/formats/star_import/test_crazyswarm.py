@@ -66,6 +66,12 @@ def test_a_trajectory_is_copied_and_followed(place: Put, take: Import) -> None:
     assert Path("imported/paths/eight.csv").read_text("utf-8") == trajectory(0.5, 4.0)
 
 
+def test_two_trajectories_of_one_name_are_refused(place: Put) -> None:
+    Path("other").mkdir()
+    files = [place(name, trajectory(0.5, 4.0)) for name in ("eight.csv", "other/eight.csv")]
+    assert refusals(*files, "--agent", "cf1=0,0") == ["other/eight.csv [invalid-input]"]
+
+
 def test_excessively_fast_trajectories_suggest_a_timescale(place: Put, take: Import) -> None:
     place("eight.csv", trajectory(2.0, 4.0))
     with pytest.raises(InputError) as raised:
