@@ -35,24 +35,6 @@ PARTING_SPEED: Final = 0.05  # m/s, from which on two agents fly apart
 MANY: Final = 64  # agents, from which on it is quicker to search the pairs near each other
 CAUTION: Final = 1.001  # factor that covers the rounding by which `measure` may differ
 
-_INWARDS: Final = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])  # of the fence
-
-
-class Surroundings(NamedTuple):
-    """What `measure` found.
-
-    Attributes:
-        enough: Whether no agent lacks room: then there is nothing more to compute.
-        distance: (N,) of agents that need room to the nearest obstacle, m; infinite without one.
-        piece: (N,) the piece of this obstacle.
-        away: (N, 2) unit vectors away from it.
-    """
-
-    enough: bool
-    distance: Array
-    piece: Rows
-    away: Array
-
 
 class WallRoom(NamedTuple):
     """How near agents are to the nearest obstacle or side of the fence.
@@ -112,8 +94,8 @@ class Room:
 
     def measure(
         self, estimate: Estimate, std: Array, steered: Mask, airborne: Mask, min_use: float
-    ) -> Surroundings:
-        """Return what is near agents, and whether none of them lacks room.
+    ) -> tuple[bool, WallRoom | None]:
+        """Return whether surely no agent lacks room, and how near agents are to walls.
 
         Args:
             estimate: Of the positions.
@@ -121,6 +103,9 @@ class Room:
             steered: (N,) agents that need room to walls.
             airborne: (N,) agents that need room to each other.
             min_use: Pairs that use less of their room do not lack it.
+
+        Returns:
+            The second is None if all agents need hardly any room to walls.
         """
         tables = estimate.position, estimate.velocity, estimate.covariance
         return self._measure(*tables, std, steered, airborne, min_use)
@@ -134,44 +119,15 @@ class Room:
         steered: Mask,
         airborne: Mask,
         min_use: float,
-    ) -> Surroundings:
+    ) -> tuple[bool, WallRoom | None]:
         n = len(position)
-        distance, piece, away = np.empty(n), np.empty(n, np.int64), np.empty((n, 2))
+        walls = WallRoom(np.empty(n), np.empty((n, 2)), np.empty(n), np.empty(n, np.int64))
         limit = self._margin_limit if self._limited else math.inf
-        enough = measure(
-            *(distance, piece, away, position, velocity, covariance, std, steered, airborne),
+        enough, needs = measure(
+            *(*walls, position, velocity, covariance, std, steered, airborne),
             *(self._walls, self._fence, self._deviations, limit, min_use),
         )
-        return Surroundings(enough, distance, piece, away)
-
-    def to_walls(
-        self, estimate: Estimate, std: Array, agents: Mask, near: Surroundings
-    ) -> WallRoom | None:
-        """Return how near agents are to walls; None if all of them need hardly any room.
-
-        Args:
-            estimate: Of the positions.
-            std: (N,) standard deviations in the plane, m.
-            agents: (N,) those that are considered.
-            near: What `measure` found for them.
-        """
-        needed = np.where(agents, WALL_SHARE * self._deviations * std, 0.0)
-        rows: Rows = np.flatnonzero(needed > MIN_NEED)
-        if not len(rows):
-            return None
-        position, distance = estimate.position, near.distance - CONTACT_RADIUS
-        obstacle = self._walls.obstacle[near.piece] if len(self._walls.obstacle) else near.piece
-        sides = np.hstack([position[:, :2] - self._fence[0], self._fence[1] - position[:, :2]])
-        side = sides.argmin(axis=1)
-        fence = sides.min(axis=1)
-        nearer = fence + FENCE_TOLERANCE < distance
-        room = np.where(nearer, fence + FENCE_TOLERANCE, distance)
-        return WallRoom(
-            use=np.where(needed > MIN_NEED, needed / np.maximum(room, MIN_ROOM), 0.0),
-            away=np.where(nearer[:, None], _INWARDS[side], near.away),
-            distance=np.where(nearer, fence, distance),
-            obstacle=np.where(nearer, -1, obstacle),
-        )
+        return enough, walls if needs else None
 
     def between(
         self, estimate: Estimate, std: Array, agents: Mask, min_use: float
@@ -219,10 +175,11 @@ class Room:
 
 
 @compiled
-def measure(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apart quickest
-    distance: Array,
-    piece: Rows,
+def measure(  # noqa: C901, PLR0913, PLR0917 -- one pass over all agents, then over pairs
+    use: Array,
     away: Array,
+    distance: Array,
+    obstacle: Rows,
     position: Array,
     velocity: Array,
     covariance: Array,
@@ -234,13 +191,14 @@ def measure(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apart quic
     deviations: float,
     margin_limit: float,
     min_use: float,
-) -> bool:
+) -> tuple[bool, bool]:
     """Find the nearest walls, and return whether surely no agent lacks room, as `Room` defines it.
 
     Args:
-        distance: (N,) output, as `Surroundings` has them; so are the next two.
-        piece: (N,)
+        use: (N,) output, as `WallRoom` has them; so are the next three.
         away: (N, 2)
+        distance: (N,)
+        obstacle: (N,)
         position: (N, 3) m.
         velocity: (N, 3) m/s.
         covariance: (N, 3, 3) of the positions, m².
@@ -252,25 +210,35 @@ def measure(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apart quic
         deviations: Number of standard deviations that agents need as room.
         margin_limit: Up to this number of standard deviations, m, margins keep enough room.
         min_use: Pairs that use less of their room do not lack it.
+
+    Returns:
+        That, and whether an agent needs more than hardly any room to walls.
     """
-    n, enough, uncertain = len(std), True, False
+    n, enough, uncertain, needs = len(std), True, False, False
     for row in range(n):
-        distance[row], piece[row] = math.inf, 0
-        away[row, 0] = away[row, 1] = 0.0
         uncertain = uncertain or (airborne[row] and not deviations * std[row] <= margin_limit)
-        needed = WALL_SHARE * deviations * std[row]
-        if steered[row] and needed > MIN_NEED:
-            least, k, x, y = nearest_wall(position, row, wall)
-            distance[row], piece[row], away[row, 0], away[row, 1] = least, k, x, y
-            room = least - CONTACT_RADIUS
-            for axis in range(2):
-                room = min(room, position[row, axis] - fence[0, axis] + FENCE_TOLERANCE)
-                room = min(room, fence[1, axis] - position[row, axis] + FENCE_TOLERANCE)
-            enough = enough and needed * CAUTION < room
+        needed = WALL_SHARE * deviations * std[row] if steered[row] else 0.0
+        use[row], obstacle[row] = 0.0, -1
+        distance[row], away[row, 0], away[row, 1] = math.inf, 0.0, 0.0
+        for side in range(4):  # of the fence: those of least x and y, then the others
+            axis, inwards = side % 2, 1.0 if side < 2 else -1.0  # noqa: PLR2004 -- axes
+            gap = inwards * (position[row, axis] - fence[side // 2, axis])
+            if gap < distance[row]:
+                distance[row], away[row, axis], away[row, 1 - axis] = gap, inwards, 0.0
+        if not needed > MIN_NEED:
+            continue
+        needs, room = True, distance[row] + FENCE_TOLERANCE
+        apart, piece, x, y = nearest_wall(position, row, wall)
+        apart -= CONTACT_RADIUS
+        if apart <= room:
+            distance[row], away[row, 0], away[row, 1] = apart, x, y
+            obstacle[row], room = wall.obstacle[piece], apart
+        use[row] = needed / max(room, MIN_ROOM)
+        enough = enough and needed * CAUTION < room
     if not uncertain or not enough:
-        return enough
+        return enough, needs
     if n >= MANY:
-        return False
+        return False, needs
     for i in range(n):
         for j in range(i):
             if not airborne[i] or not airborne[j]:
@@ -286,5 +254,5 @@ def measure(  # noqa: PLR0913, PLR0917 -- numba takes plain arguments apart quic
             height = deviations * math.sqrt(variance)
             close = abs(position[i, 2] - position[j, 2]) < (height + COLLISION_DISTANCE) * CAUTION
             if close and needed * CAUTION > min_use * room and parting < PARTING_SPEED * CAUTION:
-                return False
-    return True
+                return False, needs
+    return True, needs

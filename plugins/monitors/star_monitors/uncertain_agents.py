@@ -122,10 +122,9 @@ class UncertainAgents:
         std = self._std = self._updated_std(estimate, steered)
         self._stage *= steered  # the others fly
         min_use = WAITING_USE if some(landing) else 1.0
-        near = self._room.measure(estimate, std, steered, airborne, min_use)
-        if near.enough and not some(self._stage > 0):  # `Stage.FLIES`
+        enough, walls = self._room.measure(estimate, std, steered, airborne, min_use)
+        if enough and not some(self._stage > 0):  # `Stage.FLIES`
             return goals, []
-        walls = self._room.to_walls(estimate, std, steered, near)
         pairs = self._room.between(estimate, std, airborne, WAITING_USE)
         if walls is None and pairs is None and not some(self._stage > 0):
             return goals, []

@@ -43,10 +43,9 @@ def test_enough_room_means_that_no_agent_or_pair_lacks_it(
     yaw, frames = np.zeros(N), Transform(np.zeros(N), np.zeros((N, 3)))
     estimate = Estimate(0.0, position, velocity, yaw, covariance, np.ones(N, np.bool_), frames)
     std = position_margin(estimate.covariance, 1.0, math.inf)
-    near = room.measure(estimate, std, masks[0], masks[1], min_use)
-    walls = room.to_walls(estimate, std, masks[0], near)
+    enough, walls = room.measure(estimate, std, masks[0], masks[1], min_use)
     pairs = room.between(estimate, std, masks[1], min_use)
-    if near.enough:
+    if enough:
         assert walls is None or (walls.use <= 1.0).all()
         assert pairs is None or not len(pairs.first)
     elif walls is not None and pairs is None:
