@@ -127,12 +127,6 @@ def test_a_step_for_an_agent_that_is_lost_fails_at_once(lab: Lab) -> None:
     assert summary["reason"].endswith("mission.yaml:13 wait cf2 failed: cf2 is lost")
 
 
-def test_unheard_agents_are_still_commanded_to_land(lab: Lab) -> None:
-    lab.spoil("transport", "receive", silent(1, 1.5, np.inf))
-    lab.fly()
-    assert sorted(lab.ordered(Order.LAND)) == [0, 1]
-
-
 # Steps that fail: `wait` with `fails` says so itself, `limit` is how long it says it takes.
 
 FAILING = [

@@ -82,19 +82,6 @@ def test_observers_that_raise_are_dropped_and_the_flight_goes_on(
     assert logged == [f"observer its-dist:watch is dropped for this flight: {why}"]
 
 
-def test_an_observer_is_dropped_at_the_time_it_raised(lab: Lab) -> None:
-    class Late(Watcher):
-        @hookimpl
-        def star_ticked(self, tick: Tick) -> None:
-            if tick.time > 2.55:
-                raise RuntimeError("boom")
-
-    watched(lab, Late())
-    lab.fly()
-    (event,) = (event for event in lab.events if event.kind == "observer")
-    assert event.time == pytest.approx(2.6)
-
-
 def test_the_others_receive_what_an_observer_raised_at(lab: Lab) -> None:
     before, after = Watcher(), Watcher()
     watched(lab, before, "before")
@@ -172,19 +159,6 @@ def test_phases_are_reported_before_the_tick_they_are_seen_in(lab: Lab) -> None:
     _, tick = next(item for item in watcher.received[at:] if item[0] == "star_ticked")
     assert tick.time == lab.phases[3][0]
     assert tick.health.phase[0] == 2
-
-
-def test_an_observer_names_only_the_arguments_that_it_wants(lab: Lab) -> None:
-    seen: list[str] = []
-
-    class Brief:
-        @hookimpl
-        def star_phase_changed(self, phase: str) -> None:
-            seen.append(phase)
-
-    watched(lab, Brief())
-    lab.fly()
-    assert seen == [phase for _, _, phase in lab.phases]
 
 
 def test_an_interrupt_of_python_passes_through_an_observer(lab: Lab) -> None:
@@ -275,18 +249,6 @@ def test_tryfirst_trylast_and_specname_are_heeded(lab: Lab) -> None:
     watched(lab, Last(), "last")
     lab.fly()
     assert log == ["first", "any", "last"] * len(lab.ticks)
-
-
-def test_an_observer_without_the_marker_is_not_called(lab: Lab) -> None:
-    called: list[str] = []
-
-    class Plain:
-        def star_ticked(self) -> None:
-            called.append("ticked")
-
-    watched(lab, Plain())
-    lab.fly()
-    assert called == []
 
 
 class Counter:

@@ -135,101 +135,74 @@ def test_plugins_raising_in_flight_are_named_and_all_agents_land(
     assert brought_down(lab)
 
 
-def going(speed: float) -> Goals:
-    """Goals for both agents."""
-    zero = np.zeros(2)
-    return Goals(np.zeros((2, 3)), np.zeros((2, 3)), zero, zero + speed, ALL)
+def goals(n: int, *, active: tuple[bool, ...], speed: float = 0.5) -> Goals:
+    zero = np.zeros(n)
+    return Goals(np.zeros((n, 3)), np.zeros((n, 3)), zero, zero + speed, np.array(active))
 
 
-def ordering(order: Any = Order.GOTO, duration: float = 1.0) -> TaskOutput:
-    """A step that orders the first agent to go to its start."""
-    one = np.zeros(1)
-    return TaskOutput(
-        commands=(Command(order, np.array([0]), np.zeros((1, 3)), one, one + duration),)
-    )
+def ordering(order: Any = Order.GOTO, duration: float = 1.0, x: float = 0.0) -> TaskOutput:
+    """A step that orders the first agent to go somewhere."""
+    one = np.ones(1)
+    return TaskOutput(commands=(Command(order, ROW, np.full((1, 3), x), one, one * duration),))
+
+
+def answered(value: object) -> Wrong:
+    """Answer something else than what is right."""
+    return lambda *_: value
+
+
+FOUR_ROWS = "every field of {} has 4 rows, expected 2"
+FOUR_TRUE = Truth(0.0, FOUR, FOUR, np.zeros((4, 4)))
+FOUR_HEARD = {
+    **dict.fromkeys(("position", "velocity"), FOUR),
+    **dict.fromkeys(("battery", "state", "age"), FOUR[:, 0]),
+    "attitude": np.zeros((4, 4)),
+}
 
 
 @pytest.mark.parametrize(
     ("role", "method", "wrong", "message"),
     [
-        ("transport", "wait", lambda *_: None, "TypeError: float() argument must be"),
-        ("transport", "receive", lambda *_: None, "returned NoneType, expected Telemetry"),
-        ("transport", "receive", lambda *_: FOR_FOUR, "returned Setpoint, expected Telemetry"),
-        (
-            "transport",
-            "receive",
-            change(
-                position=FOUR,
-                velocity=FOUR,
-                attitude=np.zeros((4, 4)),
-                battery=FOUR[:, 0],
-                state=FOUR[:, 0],
-                age=FOUR[:, 0],
-            ),
-            "every field of Telemetry has 4 rows, expected 2",
-        ),
-        (
-            "transport",
-            "send",
-            lambda *_: FOR_FOUR,
-            "every field of Setpoint has 4 rows, expected 2",
-        ),
-        ("transport", "truth", lambda *_: FOR_FOUR, "returned Setpoint, expected Truth"),
-        ("localizer", "locate", lambda *_: FOR_FOUR, "returned Setpoint, expected Estimate"),
+        ("transport", "wait", answered(None), "TypeError: float() argument must be"),
+        *(("transport", "wait", answered(t), f"returned {t!r}") for t in (np.nan, np.inf, 0.0)),
+        ("transport", "receive", answered(None), "returned NoneType, expected Telemetry"),
+        ("transport", "receive", answered(FOR_FOUR), "returned Setpoint, expected Telemetry"),
+        ("transport", "receive", change(**FOUR_HEARD), FOUR_ROWS.format("Telemetry")),
+        ("transport", "send", answered(FOR_FOUR), FOUR_ROWS.format("Setpoint")),
+        ("transport", "truth", answered(FOR_FOUR), "returned Setpoint, expected Truth"),
+        ("transport", "truth", answered(FOUR_TRUE), FOUR_ROWS.format("Truth")),
+        ("localizer", "locate", answered(FOR_FOUR), "returned Setpoint, expected Estimate"),
         ("localizer", "locate", change(velocity=NAN), "Estimate.velocity of row 0 is [nan, nan, "),
         ("localizer", "locate", change(yaw=[0, np.inf]), "Estimate.yaw of row 1 is inf, expected"),
         ("localizer", "locate", change(valid=[True]), "Estimate.valid has 1 row, but position"),
         ("localizer", "locate", change(messages=(7,)), "Estimate.messages is (7,), expected texts"),
-        ("planner", "plan", lambda *_: FOR_FOUR, "returned Setpoint, expected Plan"),
+        ("localizer", "locate", change(time=0.0), "Estimate.time is 0.0, expected"),
+        ("planner", "plan", answered(FOR_FOUR), "returned Setpoint, expected Plan"),
         (
             "planner",
             "plan",
             change(setpoint=FOR_FOUR, unreachable=[False] * 4),
-            "every field of Setpoint has 4 rows, expected 2",
+            FOUR_ROWS.format("Setpoint"),
         ),
-        ("avoider", "avoid", lambda *_: TaskOutput(), "returned TaskOutput, expected Setpoint"),
-        ("avoider", "avoid", lambda *_: FOR_FOUR, "every field of Setpoint has 4 rows, expected 2"),
+        ("planner", "plan", change(reasons=["no"]), "Plan.reasons is ['no'], expected a map fro"),
+        ("avoider", "avoid", answered(TaskOutput()), "returned TaskOutput, expected Setpoint"),
+        ("avoider", "avoid", answered(FOR_FOUR), FOUR_ROWS.format("Setpoint")),
         ("avoider", "avoid", change(yaw=[0, np.nan]), "Setpoint.yaw of row 1 is nan, expected"),
-        (
-            "wait",
-            "begin",
-            lambda *_: None,
-            "begin() returned None, expected the timeout of the step, s",
+        *(
+            ("wait", "begin", answered(limit), f"begin() returned {limit!r}, expected the timeout")
+            for limit in (None, np.inf, np.nan, -1.0)
         ),
-        (
-            "wait",
-            "begin",
-            lambda *_: np.inf,
-            "begin() returned inf, expected the timeout of the step, s",
-        ),
-        (
-            "wait",
-            "begin",
-            lambda *_: np.nan,
-            "begin() returned nan, expected the timeout of the step, s",
-        ),
-        (
-            "wait",
-            "begin",
-            lambda *_: -1.0,
-            "begin() returned -1.0, expected the timeout of the step, s",
-        ),
+        ("wait", "step", answered(FOR_FOUR), "returned Setpoint, expected TaskOutput"),
+        ("wait", "step", answered(TaskOutput(status=ODD)), "TaskOutput.status is 'done', expected"),
         (
             "wait",
             "step",
-            lambda *_: TaskOutput(status=ODD),
-            "TaskOutput.status is 'done', expected a Stat",
-        ),
-        (
-            "wait",
-            "step",
-            lambda *_: TaskOutput(going(speed=-1.0)),
+            lambda *_: TaskOutput(goals(2, active=(True, True), speed=-1.0)),
             "Goals.speed is [-1.0, -1.0], expec",
         ),
         ("wait", "step", lambda *_: ordering(duration=0.0), "Command.duration is [0.0], expected"),
         ("wait", "step", lambda *_: ordering(order="up"), "Command.order is 'up', expected an O"),
-        ("planner", "plan", change(reasons=["no"]), "Plan.reasons is ['no'], expected a map fro"),
-        ("wait", "step", lambda *_: FOR_FOUR, "returned Setpoint, expected TaskOutput"),
+        ("wait", "step", lambda *_: ordering(x=np.nan), "Command.position is"),
     ],
 )
 def test_broken_contracts_name_the_plugin_and_land_all_agents(
@@ -337,44 +310,6 @@ def test_fixes_are_of_agents_or_of_none(lab: Lab, *, row: int, fails: bool) -> N
     lab.spoil("transport", "receive", change(fixes=fixes), FLYING)
     reason = lab.fly()["reason"]
     assert ("Telemetry.fixes.agent is" in reason) is fails
-
-
-def test_a_truth_for_another_swarm_names_the_transport(lab: Lab) -> None:
-    lab.spoil("transport", "truth", lambda *_: Truth(0.0, FOUR, FOUR, np.zeros((4, 4))), FLYING)
-    assert lab.fly()["reason"].startswith(f"{NAMED['transport']}: ")
-
-
-def test_all_agents_land_though_the_truth_cannot_be_known(lab: Lab) -> None:
-    lab.spoil("transport", "truth", BOOM, FLYING)
-    lab.fly()
-    assert brought_down(lab)
-
-
-@pytest.mark.parametrize("time", [np.nan, np.inf, 0.0])
-def test_a_clock_that_gives_a_wrong_time_names_the_transport(lab: Lab, time: float) -> None:
-    lab.spoil("transport", "wait", lambda *_: time, ONCE)
-    assert lab.fly()["reason"].startswith(f"{NAMED['transport']}: ")
-
-
-def test_steps_end_although_a_localizer_reports_wrong_time(lab: Lab) -> None:
-    lab.spoil("localizer", "locate", change(time=0.0))
-    lab.fly()
-    assert lab.ticks[-1].time < 40.0
-
-
-@pytest.mark.parametrize("order", [Order.GOTO, Order.LAND, Order.TAKEOFF])
-def test_an_order_that_is_no_number_is_not_given(lab: Lab, order: Order) -> None:
-    one = np.ones(1)
-    lab.spoil(
-        "wait", "step", lambda *_: TaskOutput(commands=(Command(order, ROW, NAN[:1], one, one),))
-    )
-    summary = lab.fly()
-    assert summary["reason"].startswith(f"{NAMED['wait']}: ")
-
-
-def goals(n: int, *, active: tuple[bool, ...], speed: float = 0.5) -> Goals:
-    zero = np.zeros(n)
-    return Goals(np.zeros((n, 3)), np.zeros((n, 3)), zero, zero + speed, np.array(active))
 
 
 @pytest.mark.parametrize(

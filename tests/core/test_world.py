@@ -37,7 +37,6 @@ corners: st.SearchStrategy[Corner] = st.tuples(metres, metres)
 
 ROOM = Fence((-2, -2, 0), (2, 2, 2.5))
 PILLAR = Obstacle("pillar", (((0, 0), (1, 0), (1, 1), (0, 1)),), (0, 2))
-U_TURN = ((0, 0), (3, 0), (3, 3), (2, 3), (2, 1), (1, 1), (1, 3), (0, 3))
 
 
 @st.composite
@@ -48,20 +47,6 @@ def stars(draw: st.DrawFn) -> tuple[Corner, ...]:
     return tuple(
         (r * math.cos(2 * math.pi * i / count), r * math.sin(2 * math.pi * i / count))
         for i, r in enumerate(reach)
-    )
-
-
-def side(a: Corner, b: Corner, point: Corner) -> float:
-    """Twice the area of a triangle, negative if it turns clockwise, m²."""
-    return (b[0] - a[0]) * (point[1] - a[1]) - (b[1] - a[1]) * (point[0] - a[0])
-
-
-def in_a_triangle_of(star: tuple[Corner, ...], point: Corner) -> bool:
-    """Whether a point is in one of the triangles from the origin to an edge of a star."""
-    centre = (0.0, 0.0)
-    return any(
-        side(centre, a, point) >= 0 and side(a, b, point) >= 0 and side(b, centre, point) >= 0
-        for a, b in pairwise((*star, star[0]))
     )
 
 
@@ -76,46 +61,17 @@ def to_segment(a: Corner, b: Corner, point: Corner) -> float:
 # The fence
 
 
-@given(points)
-def test_the_fence_holds_what_lies_between_its_corners(point: Point) -> None:
-    x, y, z = point
-    assert ROOM.contains(point) is (abs(x) <= 2 and abs(y) <= 2 and 0 <= z <= 2.5)
-
-
 @pytest.mark.parametrize("point", [ROOM.low, ROOM.high, (2, -2, 0), (0, 0, 0)])
 def test_a_point_on_the_fence_is_inside(point: Point) -> None:
     assert ROOM.contains(point)
 
 
+@pytest.mark.parametrize("point", [(2.1, 0, 1), (0, -2.1, 1), (0, 0, -0.1), (0, 0, 2.6)])
+def test_a_point_beyond_a_side_of_the_fence_is_outside(point: Point) -> None:
+    assert not ROOM.contains(point)
+
+
 # Obstacles
-
-
-@given(stars(), corners)
-def test_points_are_inside_polygons_if_inside_a_triangle_of_them(
-    star: tuple[Corner, ...], point: Corner
-) -> None:
-    assume(all(abs(side(a, b, point)) > 1e-6 for a, b in pairwise((*star, star[0]))))
-    assert Obstacle("star", (star,), (0, 1)).contains((*point, 0.5)) is in_a_triangle_of(
-        star, point
-    )
-
-
-@given(stars(), corners, st.integers(0, 8), st.sampled_from([1, -1]))
-def test_first_corner_and_winding_of_polygons_do_not_matter(
-    star: tuple[Corner, ...], point: Corner, begin: int, step: int
-) -> None:
-    assume(all(abs(side(a, b, point)) > 1e-6 for a, b in pairwise((*star, star[0]))))
-    first = begin % len(star)
-    again = (star[first:] + star[:first])[::step]
-    one, other = Obstacle("one", (star,), (0, 1)), Obstacle("other", (again,), (0, 1))
-    assert one.contains((*point, 0.5)) is other.contains((*point, 0.5))
-
-
-@pytest.mark.parametrize(
-    ("point", "inside"), [((0.5, 2.0), True), ((1.5, 2.0), False), ((1.5, 0.5), True)]
-)
-def test_the_bay_of_a_concave_polygon_is_free(point: Corner, *, inside: bool) -> None:
-    assert Obstacle("u", (U_TURN,), (0, 1)).contains((*point, 0.5)) is inside
 
 
 @pytest.mark.parametrize(("z", "inside"), [(-0.1, False), (0, True), (2, True), (2.1, False)])

@@ -125,11 +125,6 @@ def test_unheard_agents_land_and_the_others_do_their_step(lab: Lab) -> None:
     assert summary["outcome"] == "completed"
 
 
-def test_without_a_rule_one_lost_agent_ends_the_mission(lab: Lab) -> None:
-    lab.spoil("transport", "receive", silent(1, 1.5, np.inf, age=0.7))
-    assert lab.fly(f"{TOUR}{{}}")["outcome"] == "failed"
-
-
 def test_one_that_is_lost_for_a_while_only_flies_on(lab: Lab) -> None:
     lab.spoil("transport", "receive", silent(1, 1.5, 2.2, age=0.7))
     summary = lab.fly(
