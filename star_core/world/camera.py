@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 from star_core.world.quaternions import Point, Quaternion, product, turned
 
@@ -59,24 +57,3 @@ class Camera:
         [0.5, 0.5, 0.5, 0.5]
         """
         return product(turned(self.roll, self.pitch, self.yaw), FORWARD)
-
-
-def camera_faults(given: Mapping[str, Any]) -> Iterator[tuple[tuple[str, ...], str]]:
-    """Yield the mistakes of a camera in a mission that fits its schema.
-
-    >>> list(camera_faults({"width": 160}))
-    [(('width',), 'the principal point [169.27, 160.6] is outside the image of 160 x 244 px')]
-    """
-    usual = Camera()
-    width, height = given.get("width", usual.width), given.get("height", usual.height)
-    _, _, x, y = given.get("matrix", usual.matrix)
-    if not (0 <= x < width and 0 <= y < height):
-        key = next((name for name in ("matrix", "width", "height") if name in given), "matrix")
-        where = f"outside the image of {width} x {height} px"
-        yield (key,), f"the principal point [{x:g}, {y:g}] is {where}"
-    exposure, apart = given.get("exposure", usual.exposure), 1 / given.get("rate", usual.rate)
-    if exposure > apart:
-        yield (
-            ("exposure" if "exposure" in given else "rate",),
-            f"an exposure of {exposure:g} s is longer than from one image to the next, {apart:g} s",
-        )

@@ -9,9 +9,10 @@ from pathlib import Path
 
 from star_core import InputError, Mission, Problem, Registry
 from star_core.commands import guarded
-from star_core.formats import FileKindSpec, SourceFile, camera_faults
+from star_core.formats import FileKindSpec, SourceFile
 from star_core.toolkit import actions
 from star_yaml import schema
+from star_yaml.checks.cameras import camera_problems
 from star_yaml.document import Document
 from star_yaml.includes import check_alone
 from star_yaml.input_file import kind_of, lacking, override, read
@@ -104,7 +105,6 @@ def check_world(file: SourceFile, _registry: Registry) -> str:
 
 def check_camera(file: SourceFile, _registry: Registry) -> str:
     """Return what a camera is good for."""
-    faults = camera_faults(file.data)
-    if problems := file.located(Problem(path, text, "invalid-camera") for path, text in faults):
+    if problems := file.located(camera_problems(file.data)):
         raise InputError(problems)
     return f"{file.data['name']!r}, a camera for missions"

@@ -10,10 +10,11 @@ from typing import Any, Final, Literal, TypeAlias
 
 from star_core import Problem, Registry, Scene
 from star_core.commands import PIPELINE_KINDS
-from star_core.formats import JOIN, LEAVE, MAX_LISTED, Condition, camera_faults, nodes
+from star_core.formats import JOIN, LEAVE, MAX_LISTED, Condition, nodes
 from star_core.toolkit import Action, Choice, Node, Parallel, Reaction, Repeat, actions, suggestion
 from star_yaml import conditions
 from star_yaml.checks import feasibility
+from star_yaml.checks.cameras import camera_problems
 from star_yaml.checks.plugin_checks import PluginChecks
 from star_yaml.document import Document, Location
 from star_yaml.schema import Incomplete
@@ -139,8 +140,8 @@ def _cameras(document: Document, data: Mapping[str, Any]) -> Iterator[Problem]:
             yield _unknown(at, "camera", agent["camera"], names, "unknown-camera")
     for name, camera in data["cameras"].items():
         if not isinstance(camera, Incomplete):
-            for path, message in camera_faults(camera):
-                yield Problem(("cameras", name, *path), message, "invalid-camera")
+            for problem in camera_problems(camera):
+                yield problem._replace(path=("cameras", name, *problem.path))
 
 
 def _parts(data: Mapping[str, Any], plugins: PluginChecks) -> Iterator[Problem]:
