@@ -121,11 +121,6 @@ def _short_collections(scene: Scene) -> Iterator[None]:
             gc.unfreeze()
 
 
-def outcome_of(summary: Mapping[str, Any]) -> int:
-    """Return the exit status of a flight: 0 when it completed, else 1."""
-    return 0 if summary["outcome"] == MissionPhase.COMPLETED else 1
-
-
 class OpenFlight:
     """A flight in progress, which `open_flight` begins; as a context it is closed at its end.
 

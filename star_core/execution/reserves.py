@@ -14,6 +14,7 @@ from star_core.execution.step_run import TickContext
 from star_core.messages.arrays import Array, Mask
 from star_core.messages.commands import Command, Order
 from star_core.messages.state import UNFIT, AgentPhase, Estimate, Health, among
+from star_core.safety.agents_in_the_way import MAX_REPORT_AGE
 from star_core.safety.rules import BATTERY_SAG_TIME, Rules
 from star_core.toolkit.timeouts import timeout
 from star_core.world.scene import Scene
@@ -21,7 +22,6 @@ from star_core.world.scene import Scene
 PAD_CLEARANCE: Final = 0.5  # m in the plane from an agent that takes off to others in the air
 PAD_RADIUS: Final = 0.15  # m in the plane from its pad, within which a returning agent lands
 MAX_REST_SPEED: Final = 0.15  # m/s; an agent slower than that can land
-MAX_REPORT_AGE: Final = 0.5  # s, of an agent that takes off
 REPORT_WAIT_AFTER: Final = 2.0  # s without a reserve that is ready
 CLIMB_SPEED: Final = 0.3  # m/s, as of the verb `takeoff`
 ON_GROUND: Final = (AgentPhase.GROUNDED, AgentPhase.LANDED)

@@ -72,9 +72,6 @@ class DragCheck:
     Moving air looks like a wrong velocity. What is constant in the body is learnt, and gusts raise
     the noise that is assumed: it is measured across the flight, where no scale shows.
 
-    Args:
-        n: Number of agents.
-
     Attributes:
         evidence: (N,) logarithm of the likelihood ratio of a wrong flow sensor.
         missing: (N, 2) true less reported velocity by the drag, in odometry frames, m/s; NaN where

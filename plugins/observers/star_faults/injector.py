@@ -32,12 +32,7 @@ class FaultInjector:
     It wraps the plugins as they are made; a plugin without a fault is not wrapped.
 
     Args:
-        scene: Of the mission.
-        faults: To inject.
         file: The fault file, which is copied into the record.
-
-    Attributes:
-        faults: As above.
     """
 
     def __init__(self, scene: Scene, faults: Sequence[Fault], file: bytes = b"") -> None:

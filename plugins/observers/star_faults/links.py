@@ -21,13 +21,7 @@ Late = list[tuple[float, Any]]
 
 
 class ReportFaults:
-    """What a transport receives, with a fault of telemetry, link, battery or camera.
-
-    Args:
-        fault: The fault.
-        random: Draws losses and garbage.
-        scene: For its number of agents.
-    """
+    """What a transport receives, with a fault of telemetry, link, battery or camera."""
 
     def __init__(self, fault: Fault, random: np.random.Generator, scene: Scene) -> None:
         self._fault = fault
@@ -183,11 +177,6 @@ class SendFaults:
 
     Setpoints are lost; commands are sent again until they arrive, as by a radio with
     acknowledgements, except while the link is off.
-
-    Args:
-        fault: Of the component ``link``.
-        random: Draws losses.
-        scene: For its number of agents.
     """
 
     def __init__(self, fault: Fault, random: np.random.Generator, scene: Scene) -> None:

@@ -18,8 +18,6 @@ class OutputFaults:
     """A method of a plugin, with a fault.
 
     Args:
-        fault: Of the component ``plugin``.
-        random: Draws failures.
         right: The method.
         now: Returns the mission time, s.
     """

@@ -13,13 +13,7 @@ from star_core.toolkit import Fault
 
 
 class Passing:
-    """Decides which rows of a table with one row per agent pass in a tick, and keeps old ones.
-
-    Args:
-        fault: That lets rows pass late, seldom or not at all.
-        random: Draws losses.
-        n: Number of agents.
-    """
+    """Decides which rows of a table with one row per agent pass in a tick, and keeps old ones."""
 
     def __init__(self, fault: Fault, random: np.random.Generator, n: int) -> None:
         self._fault = fault

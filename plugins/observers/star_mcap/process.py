@@ -30,8 +30,6 @@ class RecorderProcess:
     """Sends every tick of a flight to a process that records it.
 
     Args:
-        flight: The flight to record.
-        folder: Folder of the run; created if missing.
         lost: Extended by what cannot be recorded, with the reason.
     """
 

@@ -28,8 +28,6 @@ class Recorder:
     the day.
 
     Args:
-        flight: The flight to record.
-        folder: Folder of the run.
         started: When the flight began, ns since 1970.
     """
 

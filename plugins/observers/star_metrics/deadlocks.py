@@ -34,9 +34,6 @@ class Deadlocks:
     ahead, or only with agents that have arrived, is in a deadlock too; so is one that moves back
     and forth, at its next turn.
 
-    Args:
-        agents: Number of agents.
-
     Attributes:
         waits: Number of waits; one ends when the agent progresses.
         count: Number of waits that became deadlocks.

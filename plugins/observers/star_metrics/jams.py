@@ -27,9 +27,6 @@ class Jams:
     two of them. An agent stands whose mean speed over the ground in that time is less than
     `STANDING_SPEED`. A jam is over when it does not hold any more.
 
-    Args:
-        scene: Agents and separations.
-
     Attributes:
         count: Number of jams so far.
     """

@@ -13,12 +13,7 @@ from star_metrics.position_errors import PositionErrors
 
 
 class FlightMetrics:
-    """Observer of one flight, which contributes its measures to the summary.
-
-    Args:
-        scene: The agents.
-        report: Records an event, as `Operator.report`.
-    """
+    """Observer of one flight, which contributes its measures to the summary."""
 
     def __init__(self, scene: Scene, report: Callable[..., None]) -> None:
         self._report = report

@@ -15,9 +15,6 @@ class PathLengths:
     """Adds up the way of each agent from tick to tick, by ground truth if there is one.
 
     The path of an agent whose position was never known is unknown, and not part of the total.
-
-    Args:
-        names: Of the agents.
     """
 
     def __init__(self, names: Sequence[str]) -> None:

@@ -22,9 +22,6 @@ class PositionErrors:
     the end of an agent's take-off to the start of its landing. NEES, the mean of the squared error
     over the covariance of the estimate per degree of freedom, is 1 if the covariance is right;
     a localizer with a greater value is overconfident.
-
-    Args:
-        names: Of the agents.
     """
 
     def __init__(self, names: Sequence[str]) -> None:

@@ -28,8 +28,6 @@ class Recorder:
     `docs/record.md` describes the files.
 
     Args:
-        flight: The flight to record.
-        folder: Output folder; created if missing.
         lost: Extended by what cannot be recorded, with the reason.
 
     Attributes:

@@ -14,9 +14,6 @@ from star_core import Event
 class TextLog(logging.Handler):
     """Writes events, and log messages from `logging.WARNING` on, each as soon as it occurs.
 
-    Args:
-        path: Of the file.
-
     Attributes:
         time: Mission time of log messages, s.
     """

@@ -149,11 +149,6 @@ def test_an_agent_that_does_not_get_home_lands_where_it_is(lab: Lab) -> None:
     assert when["cf1", "landed"] < when["cf2", "landing"]
 
 
-def test_a_reserve_is_in_no_step_though_the_step_is_for_all(lab: Lab) -> None:
-    lab.fly(TOUR)
-    assert agents(lab, "climb") == [["cf1", "cf2"]]
-
-
 @pytest.mark.parametrize(
     ("old", "new", "problem"),
     [

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from typing import TypeAlias
 
-import numpy as np
 import pytest
 import shapely
 from hypothesis import given
@@ -100,9 +99,3 @@ def test_walls_below_numeric_resolution_are_still_obstacles() -> None:
 
 def test_without_obstacles_the_ground_is_free() -> None:
     assert footprint([], 0.0, 2.0, 0.5).is_empty
-
-
-def test_the_front_door_gives_the_function() -> None:
-    from star_core import toolkit
-
-    assert np.isclose(toolkit.footprint([thing(SQUARE)], 1.0, 1.0).area, 4.0)

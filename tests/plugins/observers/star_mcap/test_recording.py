@@ -42,23 +42,39 @@ def _loaded() -> Iterator[None]:
         yield
 
 
+def flown(folder: Path, mission: str, more: str = "", *options: str) -> Path:
+    """Fly a mission in a room with more than its fence; return the folder of the run."""
+    fence = "fence: {low: [-2, -2, 0], high: [2, 2, 2]}"
+    (folder / "room.yaml").write_text(f"star: 1\nname: room\n{fence}\n{more}\n")
+    text = f"star: 1\nname: hop\nworld: room.yaml\ntransport: sim\nplanner: straight\n{mission}"
+    (folder / "hop.yaml").write_text(text)
+    assert main(["run", str(folder / "hop.yaml"), "--out", str(folder / "run"), *options]) == 0
+    return folder / "run"
+
+
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Folder of a flight with two drones past an obstacle."""
-    folder = tmp_path_factory.mktemp("recorded")
-    (folder / "room.yaml").write_text(
-        "star: 1\nname: room\nfence: {low: [-2, -2, 0], high: [2, 2, 2]}\n"
-        "obstacles:\n  pillar: {polygon: [[1, 1], [1.2, 1], [1.2, 1.2]], height: [0, 2]}\n"
-    )
-    (folder / "hop.yaml").write_text(
-        "star: 1\nname: hop\nworld: room.yaml\nseed: 7\n"
-        "swarm: {cf1: {start: [-0.5, 0, 0]}, cf2: {start: [0.5, 0, 0]}}\n"
-        "transport: sim\nlocalizer: flow\nplanner: straight\navoider: orca\n"
+    pillar = "{polygon: [[1, 1], [1.2, 1], [1.2, 1.2]], height: [0, 2]}"
+    mission = (
+        "seed: 7\nswarm: {cf1: {start: [-0.5, 0, 0]}, cf2: {start: [0.5, 0, 0]}}\n"
+        "localizer: flow\navoider: orca\n"
         "mission:\n  - takeoff: {height: 0.4, speed: 0.5}\n"
         "  - goto: {agents: cf1, by: [0.4, 0.3, 0]}\n  - land: {speed: 0.5}\n"
     )
-    assert main(["run", str(folder / "hop.yaml"), "--out", str(folder / "run")]) == 0
-    return folder / "run"
+    folder = tmp_path_factory.mktemp("recorded")
+    return flown(folder, mission, f"obstacles:\n  pillar: {pillar}")
+
+
+def messages(run: Path, topic: str = "") -> dict[str, list[Any]]:
+    """Return the messages of a recording by topic, or those of one topic."""
+    received: dict[str, list[Any]] = {}
+    with AnyReader([run / FILE]) as bag:
+        wanted = [one for one in bag.connections if topic in {one.topic, ""}]
+        for connection, _time, data in bag.messages(connections=wanted):
+            message = bag.deserialize(data, connection.msgtype)
+            received.setdefault(connection.topic, []).append(message)
+    return received
 
 
 def test_ape_of_evo_is_the_position_error_of_the_summary(run: Path, tmp_path: Path) -> None:
@@ -80,11 +96,7 @@ def test_ape_of_evo_is_the_position_error_of_the_summary(run: Path, tmp_path: Pa
 
 
 def test_every_message_is_readable_as_ros_2(run: Path) -> None:
-    count: Counter[str] = Counter()
-    with AnyReader([run / FILE]) as bag:
-        for connection, _time, data in bag.messages():
-            bag.deserialize(data, connection.msgtype)
-            count[connection.topic] += 1
+    count = Counter({topic: len(received) for topic, received in messages(run).items()})
     ticks = len(np.load(run / "trajectory.npz")["time"])
     for agent in ("cf1", "cf2"):
         assert count[f"/{agent}/estimate"] == count[f"/{agent}/ground_truth"] == ticks
@@ -98,13 +110,8 @@ def test_every_message_is_readable_as_ros_2(run: Path) -> None:
 
 def test_recorded_estimates_have_covariance_and_body_velocity(run: Path) -> None:
     kept = np.load(run / "trajectory.npz")
-    with AnyReader([run / FILE]) as bag:
-        wanted = [one for one in bag.connections if one.topic == "/cf1/estimate"]
-        found: list[Any] = [
-            bag.deserialize(data, one.msgtype) for one, _, data in bag.messages(connections=wanted)
-        ]
     k = int(np.argmax(np.linalg.norm(kept["estimate_velocity"][:, 0], axis=1)))
-    odometry = found[k]
+    odometry = messages(run, "/cf1/estimate")["/cf1/estimate"][k]
     velocity = odometry.twist.twist.linear
     speed = np.linalg.norm([velocity.x, velocity.y, velocity.z])
     assert speed == pytest.approx(np.linalg.norm(kept["estimate_velocity"][k, 0]))
@@ -114,11 +121,7 @@ def test_recorded_estimates_have_covariance_and_body_velocity(run: Path) -> None
 
 
 def test_planned_paths_lead_from_the_agent_to_its_goal(run: Path) -> None:
-    with AnyReader([run / FILE]) as bag:
-        wanted = [one for one in bag.connections if one.topic == "/cf1/plan"]
-        found: list[Any] = [
-            bag.deserialize(data, one.msgtype) for one, _, data in bag.messages(connections=wanted)
-        ]
+    found = messages(run, "/cf1/plan")["/cf1/plan"]
     kept = read_run(run)
     ends = [kept.paths.points(k) for k in np.flatnonzero(kept.paths.agent == 0).tolist()]
     assert 1 < len(found) <= len(ends)
@@ -131,28 +134,21 @@ def test_planned_paths_lead_from_the_agent_to_its_goal(run: Path) -> None:
 
 
 def test_recorded_tags_have_the_timestamps_of_their_images(tmp_path: Path) -> None:
-    (tmp_path / "room.yaml").write_text(
-        "star: 1\nname: room\nfence: {low: [-2, -2, 0], high: [2, 2, 2]}\n"
-        "landmarks: {mat: {tags: [3], at: [0.6, 0, 0]}}\n"
-    )
-    (tmp_path / "look.yaml").write_text(
-        "star: 1\nname: look\nworld: room.yaml\n"
+    mission = (
         "swarm: {cf1: {start: [0, 0, 0], camera: aideck}}\n"
-        "transport: sim\n"
-        "localizer: {use: apriltag, processes: 0}\nplanner: straight\navoider: none\n"
+        "localizer: {use: apriltag, processes: 0}\navoider: none\n"
         "mission:\n  - takeoff: {height: 0.5, speed: 0.5}\n  - hold: {for: 0.6}\n"
     )
-    out = tmp_path / "run"
-    assert main(["run", str(tmp_path / "look.yaml"), "--out", str(out), "--save-frames"]) == 0
+    out = flown(
+        tmp_path, mission, "landmarks: {mat: {tags: [3], at: [0.6, 0, 0]}}", "--save-frames"
+    )
     found = read_run(out).detections
     assert set(found.tag.tolist()) == {3}
     assert len(found.tag) > 2
-    recorded = []
-    with AnyReader([out / FILE]) as bag:
-        for connection, _time, data in bag.messages():
-            if connection.topic == "/cf1/camera/detections":
-                message: Any = bag.deserialize(data, connection.msgtype)
-                recorded.append((message.header.stamp, message.detections[0]))
+    recorded = [
+        (message.header.stamp, message.detections[0])
+        for message in messages(out, "/cf1/camera/detections")["/cf1/camera/detections"]
+    ]
     stamps = [stamp.sec + 1e-9 * stamp.nanosec for stamp, _ in recorded]
     assert stamps == pytest.approx(found.time)
     assert [(c.x, c.y) for c in recorded[0][1].corners] == pytest.approx(found.corners[0])
@@ -162,22 +158,11 @@ def test_recorded_tags_have_the_timestamps_of_their_images(tmp_path: Path) -> No
 
 
 def test_images_are_kept_at_five_per_second_with_the_intrinsics(tmp_path: Path) -> None:
-    (tmp_path / "room.yaml").write_text(
-        "star: 1\nname: room\nfence: {low: [-2, -2, 0], high: [2, 2, 2]}\n"
+    mission = (
+        "cameras: {eye: {rate: 15}}\nswarm: {cf1: {start: [0, 0, 0], camera: eye}}\n"
+        "localizer: flow\navoider: none\nmission:\n  - takeoff: {height: 0.3, speed: 0.5}\n"
     )
-    (tmp_path / "look.yaml").write_text(
-        "star: 1\nname: look\nworld: room.yaml\ncameras: {eye: {rate: 15}}\n"
-        "swarm: {cf1: {start: [0, 0, 0], camera: eye}}\n"
-        "transport: sim\nlocalizer: flow\nplanner: straight\navoider: none\n"
-        "mission:\n  - takeoff: {height: 0.3, speed: 0.5}\n"
-    )
-    out = tmp_path / "run"
-    assert main(["run", str(tmp_path / "look.yaml"), "--out", str(out), "--save-frames"]) == 0
-    received: dict[str, list[Any]] = {}
-    with AnyReader([out / FILE]) as bag:
-        for connection, _time, data in bag.messages():
-            message = bag.deserialize(data, connection.msgtype)
-            received.setdefault(connection.topic, []).append(message)
+    received = messages(flown(tmp_path, mission, "", "--save-frames"))
     images, infos = (
         received[f"/cf1/camera/{name}"] for name in ("image/compressed", "camera_info")
     )
