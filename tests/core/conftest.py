@@ -299,6 +299,16 @@ class Lab:
         return self.frames or star.Transform(np.zeros(len(starts)), starts)
 
 
+def heard(change: Callable[[star.Telemetry], Mapping[str, Any]]) -> Callable[..., Any]:
+    """Return what spoils ``receive`` of a transport: columns that are changed."""
+
+    def wrong(right: Callable[[], star.Telemetry]) -> star.Telemetry:
+        telemetry = right()
+        return replace(telemetry, **change(telemetry))
+
+    return wrong
+
+
 def a_pipe(monkeypatch: pytest.MonkeyPatch) -> io.StringIO:
     """Return what is written to stderr, a pipe, from now on."""
     text = io.StringIO()

@@ -11,7 +11,7 @@ import pytest
 
 from star_core import Estimate, Goals, Order, Plan, Status, TaskOutput, Telemetry
 from star_core.toolkit import Refusal
-from tests.core.conftest import Lab
+from tests.core.conftest import Lab, heard
 
 BOOM = RuntimeError("boom")
 
@@ -19,13 +19,11 @@ BOOM = RuntimeError("boom")
 def silent(row: int, since: float, until: float, age: float = 0.6) -> Callable[..., Telemetry]:
     """An agent is heard last `age` seconds ago between two mission times, s."""
 
-    def wrong(right: Callable[[], Telemetry]) -> Telemetry:
-        telemetry = right()
-        ages = np.zeros(len(telemetry.age))
-        ages[row] = age if since < telemetry.time < until else 0.0
-        return replace(telemetry, age=ages)
+    def ages(now: Telemetry) -> dict[str, Any]:
+        late = age if since < now.time < until else 0.0
+        return {"age": np.where(np.arange(len(now.age)) == row, late, 0.0)}
 
-    return wrong
+    return heard(ages)
 
 
 def began(lab: Lab) -> list[tuple[float, str]]:
@@ -198,10 +196,7 @@ def test_unreachable_goals_fail_only_their_own_step(lab: Lab) -> None:
 def test_refused_orders_fail_the_step_with_their_reason(lab: Lab) -> None:
     left = [Refusal(1, "refuses to climb: it is blocked")]
 
-    def says(receive: Any) -> Telemetry:
-        heard: Telemetry = receive()
-        return replace(heard, refusals=(left.pop(),) if left and heard.state[1] else ())
-
+    says = heard(lambda now: {"refusals": (left.pop(),) if left and now.state[1] else ()})
     lab.spoil("transport", "receive", says)
     steps = "\n  - climb: {agents: cf2, on_failure: continue}\n  - wait: {seconds: 2}"
     summary = lab.fly(steps)
@@ -215,7 +210,7 @@ def test_refused_orders_fail_the_step_with_their_reason(lab: Lab) -> None:
 
 
 def test_a_refusal_of_no_agent_is_the_transports_fault(lab: Lab) -> None:
-    lab.spoil("transport", "receive", lambda receive: replace(receive(), refusals=((2, "no"),)))
+    lab.spoil("transport", "receive", heard(lambda _now: {"refusals": ((2, "no"),)}))
     summary = lab.fly()
     assert summary["outcome"] != "completed"
     assert "Telemetry.refusals has agent 2 of 2" in summary["reason"]
@@ -258,10 +253,7 @@ def test_steps_go_on_with_the_agents_that_are_left(lab: Lab) -> None:
 
 
 def test_tolerated_emergencies_do_not_fail_the_mission(lab: Lab) -> None:
-    def tumbled(right: Callable[[], Telemetry]) -> Telemetry:
-        telemetry = right()
-        return replace(telemetry, state=telemetry.state | [0, 32 if telemetry.time > 2 else 0])
-
+    tumbled = heard(lambda now: {"state": now.state | [0, 32 if now.time > 2 else 0]})
     lab.spoil("transport", "receive", tumbled)
     summary = lab.fly("\n  - climb: {}\n  - wait: {seconds: 2, on_failure: continue}")
     assert lab.went("cf2")[-1] == "emergency"
@@ -569,11 +561,7 @@ def test_each_is_for_the_agents_that_it_names(lab: Lab) -> None:
 
 
 def test_a_step_times_out_though_nothing_is_heard_of_anybody(lab: Lab) -> None:
-    def frozen(right: Callable[[], Telemetry]) -> Telemetry:
-        telemetry = right()
-        return telemetry if telemetry.time < 3.0 else replace(telemetry, time=3.0)
-
-    lab.spoil("transport", "receive", frozen)
+    lab.spoil("transport", "receive", heard(lambda now: {"time": min(now.time, 3.0)}))
     summary = lab.fly("\n  - climb: {}\n  - wait: {seconds: 9, timeout: 4}")
     assert summary["reason"].endswith("wait cf1, cf2 failed: timed out after 4 s")
 

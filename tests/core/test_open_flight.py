@@ -19,14 +19,13 @@ from star_core import (
     Registry,
     Setpoint,
     StarError,
-    Telemetry,
     fly,
     load,
     open_flight,
 )
 from star_core.runner import OpenFlight
 from tests.commands import position_and_code
-from tests.core.conftest import TOUR, Lab
+from tests.core.conftest import TOUR, Lab, heard
 
 SIM = ["transport.noise=false", "transport.profile=ideal", "localizer=flow"]
 
@@ -242,10 +241,7 @@ def test_verbs_of_missions_are_checked_as_in_missions() -> None:
 def test_a_landed_rule_agent_ignores_its_program(lab: Lab) -> None:
     rules = "safety: {battery_low: {below: 3.5, then: land}}\n"
 
-    def low(right: Callable[[], Telemetry]) -> Telemetry:
-        telemetry = right()
-        return replace(telemetry, battery=np.array([4.0 - (telemetry.time > 3), 4.0]))
-
+    low = heard(lambda now: {"battery": [4.0 - (now.time > 3), 4.0]})
     lab.spoil("transport", "receive", low)
     with open_flight(lab.load(more=rules), lab.registry) as flight:
         flight.run("climb")

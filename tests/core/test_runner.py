@@ -29,7 +29,7 @@ from star_core.execution.landing import CONTROLLER_LAG, LAND_DEPTH, LAND_SPEED
 from star_core.plugin_support.registry import Registry
 from star_core.tick import MAX_LOST_TIME
 from star_core.toolkit.landing_time import MIN_LAND_TIME, MIN_LAND_TIME_PER_HEIGHT
-from tests.core.conftest import TOUR, Lab
+from tests.core.conftest import TOUR, Lab, heard
 
 FLYING = range(20, 10**6)  # calls: the agents fly from the 11th tick to the 31st
 BOOM = RuntimeError("boom")
@@ -49,16 +49,12 @@ PLACES = """
 
 def bits(row: int, state: Supervisor, since: float = 2.0) -> Callable[..., Telemetry]:
     """Report bits of an agent's supervisor beside its own from a mission time on, s."""
-
-    def wrong(right: Callable[[], Telemetry]) -> Telemetry:
-        telemetry = right()
-        own = np.arange(len(telemetry.state)) == row
-        raised = telemetry.state | int(state)
-        return replace(
-            telemetry, state=np.where(own & (telemetry.time > since), raised, telemetry.state)
-        )
-
-    return wrong
+    return heard(
+        lambda now: {
+            "state": now.state
+            | (int(state) * (np.arange(len(now.state)) == row) * (now.time > since))
+        }
+    )
 
 
 def active(right: Callable[..., Any], *args: Any) -> Any:
@@ -161,12 +157,7 @@ def seen(height: float, climb: float) -> Callable[..., Estimate]:
 
 @pytest.mark.parametrize("height", [0.25, 0.4])
 def test_a_landing_from_low_down_is_given_time(lab: Lab, height: float) -> None:
-    def low(right: Callable[[], Telemetry]) -> Telemetry:
-        telemetry = right()
-        position = telemetry.position.copy()
-        position[1, 2] = height
-        return replace(telemetry, position=position)
-
+    low = heard(lambda now: {"position": [now.position[0], [*now.position[1, :2], height]]})
     lab.spoil("transport", "receive", low, FLYING)
     lab.spoil("localizer", "locate", seen(height, 0.0), FLYING)
     lab.fly(IN_THE_AIR)
@@ -240,14 +231,12 @@ def test_agents_that_report_no_landing_are_named_after_a_timeout(lab: Lab) -> No
 
 def silent(since: float) -> Callable[..., Telemetry]:
     """Do not hear the second agent from a mission time on, s."""
-
-    def wrong(right: Callable[[], Telemetry]) -> Telemetry:
-        telemetry = right()
-        age = np.array([0.0, max(0.0, telemetry.time - since)])
-        state = telemetry.state | np.array([0, int(Supervisor.FLYING)])
-        return replace(telemetry, age=age, state=state)
-
-    return wrong
+    return heard(
+        lambda now: {
+            "age": [0.0, max(0.0, now.time - since)],
+            "state": now.state | [0, int(Supervisor.FLYING)],
+        }
+    )
 
 
 @pytest.mark.parametrize(
@@ -308,14 +297,9 @@ def test_lost_agents_are_not_assumed_to_have_stopped_motors(lab: Lab) -> None:
 
 def voltage(row: int, volts: float) -> Callable[..., Telemetry]:
     """Report another voltage of one agent's battery."""
-
-    def wrong(right: Callable[[], Telemetry]) -> Telemetry:
-        telemetry = right()
-        battery = telemetry.battery.copy()
-        battery[row] = volts
-        return replace(telemetry, battery=battery)
-
-    return wrong
+    return heard(
+        lambda now: {"battery": np.where(np.arange(len(now.age)) == row, volts, now.battery)}
+    )
 
 
 def test_a_battery_below_its_rule_is_refused_before_the_start(lab: Lab) -> None:
@@ -345,14 +329,12 @@ def test_interrupts_while_closing_plugins_complete_the_record(lab: Lab) -> None:
 
 def rebooted(since: float) -> Callable[..., Telemetry]:
     """Report that the second agent rebooted, from a mission time on, s, and nothing else of it."""
-
-    def wrong(right: Callable[[], Telemetry]) -> Telemetry:
-        telemetry = right()
-        gone = np.array([False, telemetry.time >= since])
-        age = np.array([0.0, max(0.0, telemetry.time - since)])
-        return replace(telemetry, age=age, rebooted=gone)
-
-    return wrong
+    return heard(
+        lambda now: {
+            "age": [0.0, max(0.0, now.time - since)],
+            "rebooted": [False, now.time >= since],
+        }
+    )
 
 
 @pytest.mark.parametrize(
@@ -435,10 +417,7 @@ TAKE_TURNS = """
 
 
 def test_agents_that_are_not_heard_are_not_sent_anything(lab: Lab) -> None:
-    def deaf(right: Callable[[], Telemetry]) -> Telemetry:
-        telemetry = right()
-        return replace(telemetry, age=np.array([0.0, 0.6 * (2.0 < telemetry.time < 2.6)]))
-
+    deaf = heard(lambda now: {"age": [0.0, 0.6 * (2.0 < now.time < 2.6)]})
     lab.spoil("planner", "plan", active)
     lab.spoil("avoider", "avoid", active)
     lab.spoil("transport", "receive", deaf)
@@ -474,11 +453,8 @@ def test_agents_on_an_on_board_goto_are_sent_no_setpoints(lab: Lab) -> None:
 
 
 def test_stale_commander_reports_do_not_end_a_goto(lab: Lab) -> None:
-    def late(right: Callable[[], Telemetry]) -> Telemetry:
-        over = int(Supervisor.COMMANDER_FINISHED)  # of the climb, as a slow link still tells it
-        telemetry = right()
-        return replace(telemetry, state=telemetry.state | over)
-
+    over = int(Supervisor.COMMANDER_FINISHED)  # of the climb, as a slow link still tells it
+    late = heard(lambda now: {"state": now.state | over})
     lab.spoil("transport", "receive", late, range(12, 25))
     lab.fly("\n  - climb: {}\n  - ride: {agents: cf2, to: [0, 2, 1], seconds: 2}\n  - descend: {}")
     ((ordered, _),) = (item for item in lab.robots.commands if item[1].order is Order.GOTO)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from star_core import AgentPhase, Command, Estimate, Goals, InputError, Order, Plan, Telemetry
-from tests.core.conftest import Lab
+from tests.core.conftest import Lab, heard
 
 TOUR = """
   - climb: {}
@@ -30,15 +30,11 @@ def _three(lab: Lab) -> None:
 def volts(since: Mapping[tuple[int, float], float]) -> Callable[..., Telemetry]:
     """Batteries are full, but an agent's is at so many V from a mission time on, s."""
 
-    def wrong(right: Callable[[], Telemetry]) -> Telemetry:
-        telemetry = right()
-        battery = np.full(len(telemetry.age), FULL)
-        for (row, time), volt in since.items():
-            if telemetry.time >= time:
-                battery[row] = volt
-        return replace(telemetry, battery=battery)
+    def battery(now: Telemetry) -> dict[str, list[float]]:
+        begun = {row: volt for (row, time), volt in since.items() if now.time >= time}
+        return {"battery": [begun.get(row, FULL) for row in range(len(now.age))]}
 
-    return wrong
+    return heard(battery)
 
 
 def agents(lab: Lab, verb: str) -> list[list[str]]:

@@ -15,7 +15,7 @@ from star_core.safety.rules import BATTERY_SAG_TIME, SUNK_TIME, Rules
 from star_core.testing import estimate, health, scene
 from star_core.testing.inputs import flight_telemetry
 from star_yaml.schema import load
-from tests.core.conftest import Lab
+from tests.core.conftest import Lab, heard
 from tests.core.test_executor import silent
 
 TOUR = """
@@ -155,10 +155,7 @@ def test_motors_stop_by_a_rule(lab: Lab) -> None:
 
 
 def test_a_mission_fails_when_the_rules_leave_no_agent(lab: Lab) -> None:
-    def low(right: Callable[[], Telemetry]) -> Telemetry:
-        telemetry = right()
-        return replace(telemetry, battery=np.full(2, 3.0 if telemetry.time > 1.5 else 4.0))
-
+    low = heard(lambda now: {"battery": np.full(2, 3.0 if now.time > 1.5 else 4.0)})
     lab.spoil("transport", "receive", low)
     summary = lab.fly(f"{TOUR}{{battery_low: {{}}}}")
     assert (summary["outcome"], summary["reason"]) == ("failed", "the safety rules left no agent")
@@ -166,11 +163,8 @@ def test_a_mission_fails_when_the_rules_leave_no_agent(lab: Lab) -> None:
 
 
 def test_one_that_tumbles_is_left_to_itself(lab: Lab) -> None:
-    def fallen(right: Callable[[], Telemetry]) -> Telemetry:
-        telemetry = right()
-        bits = telemetry.state | (int(Supervisor.TUMBLED) if telemetry.time > 1.5 else 0)
-        return replace(telemetry, state=np.array([telemetry.state[0], bits[1]]))
-
+    bit = int(Supervisor.TUMBLED)
+    fallen = heard(lambda now: {"state": now.state | [0, bit * (now.time > 1.5)]})
     lab.spoil("transport", "receive", fallen)
     summary = lab.fly(f"{TOUR}{{tumbled: {{then: stop}}}}")
     assert summary["outcome"] == "completed"
@@ -188,13 +182,11 @@ def test_tasks_without_agent_methods_are_made_again(lab: Lab) -> None:
 def battery(row: int, volt: float, since: float) -> Callable[..., Telemetry]:
     """An agent's battery is at `volt` from a mission time on, s."""
 
-    def wrong(right: Callable[[], Telemetry]) -> Telemetry:
-        telemetry = right()
-        volts = telemetry.battery.copy()
-        volts[row] = volt if telemetry.time > since else 4.0
-        return replace(telemetry, battery=volts)
+    def volts(now: Telemetry) -> dict[str, Any]:
+        falls = (np.arange(len(now.age)) == row) & (now.time > since)
+        return {"battery": np.where(falls, volt, 4.0)}
 
-    return wrong
+    return heard(volts)
 
 
 def test_unlocated_agents_are_excused_only_under_a_rule(lab: Lab) -> None:
