@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import field, fields
 from enum import IntFlag
-from typing import Any, Final, NamedTuple, Self, TypeAlias
+from typing import Any, Final, NamedTuple, Self, TypeAlias, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,7 +64,29 @@ def emergency(state: int) -> str:
     return ", ".join(text for bit, text in EMERGENCIES.items() if state & bit)
 
 
-class Timed(Table):
+class Items(Table):
+    """A table with a row for each item, of any agents."""
+
+    __slots__ = ()
+    agent: Rows
+
+    @classmethod
+    def merged(cls, tables: Iterable[Self]) -> Self:
+        """Return the rows of several tables, in order."""
+        filled = [table for table in tables if len(table.agent)]
+        if len(filled) <= 1:
+            return filled[0] if filled else cls.none()
+        names = [field.name for field in fields(cast("Any", cls))]
+        columns = (np.concatenate([getattr(table, name) for table in filled]) for name in names)
+        return cls(*columns)
+
+    def of(self, rows: Rows | Mask) -> Self:
+        """Return some rows, (K,)."""
+        names = [field.name for field in fields(cast("Any", self))]
+        return type(self)(*(np.array(getattr(self, name))[rows] for name in names))
+
+
+class Timed(Items):
     """A table of what was taken at one time, and arrived at another."""
 
     __slots__ = ()
@@ -77,18 +99,8 @@ class Timed(Table):
         return np.where(np.isfinite(self.taken), self.taken, self.arrived)
 
 
-def merged(tables: Iterable[Any], none: Any) -> Any:
-    """Return the rows of several tables, in order; `none` if there is none."""
-    filled = [table for table in tables if len(table.agent)]
-    if len(filled) <= 1:
-        return filled[0] if filled else none
-    names = [field.name for field in fields(none)]
-    columns: Any = (np.concatenate([getattr(table, name) for table in filled]) for name in names)
-    return type(none)(*columns)
-
-
 @table(per="sample")
-class Odometry(Table):
+class Odometry(Items):
     """Samples of the on-board estimators since the last tick: one row each, up to 100 Hz.
 
     Attributes:
@@ -157,17 +169,6 @@ class Detections(Timed):
             raise row_count_error("Detections", counts, "tag")
         object.__setattr__(self, "rejected", reasons)
 
-    @classmethod
-    def merged(cls, tables: Iterable[Self]) -> Self:
-        """Return the rows of several tables, in order."""
-        table: Self = merged(tables, cls.none())
-        return table
-
-    def of(self, rows: Rows | Mask) -> Self:
-        """Return some rows, (K,)."""
-        columns: Any = (np.array(getattr(self, field.name))[rows] for field in fields(self))
-        return type(self)(*columns)
-
 
 UNLABELLED: Final = -1
 """`PoseFixes.agent` of a marker that may be any agent's."""
@@ -197,12 +198,6 @@ class PoseFixes(Timed):
     position_std: Array = column()
     attitude_std: Array = column()
     correlation_time: Array = column()
-
-    @classmethod
-    def merged(cls, tables: Iterable[Self]) -> Self:
-        """Return the rows of several tables, in order."""
-        table: Self = merged(tables, cls.none())
-        return table
 
 
 @table(per="tag")

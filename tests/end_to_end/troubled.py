@@ -130,11 +130,7 @@ class Troubled:
         last["battery"][self._rows("voltless")] = NAN
         last["position"][self._rows("nowhere")] = NAN
         last["state"][self._rows("tumbled")] |= int(Supervisor.TUMBLED)
-        kept = ~silent[now.odometry.agent]
-        odometry = replace(
-            now.odometry,
-            **{name: getattr(now.odometry, name)[kept] for name in now.odometry.__slots__},
-        )
+        odometry = now.odometry.of(~silent[now.odometry.agent])
         return replace(now, **last, age=now.time - self._since, odometry=odometry)
 
     def _command(self, _part: Any, right: Callable[..., None], command: star.Command) -> None:

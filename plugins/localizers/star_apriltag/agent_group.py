@@ -5,19 +5,17 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from star_apriltag.agent_estimator import (
-    AgentEstimator,
-    CameraReport,
-    FilterEstimator,
-    Settings,
-)
+from star_apriltag.agent_estimator import CameraReport, FilterEstimator, Settings
 from star_apriltag.dead_reckoning import AgentState, Anchor
 from star_apriltag.vision.image_analysis import ImageAnalysis
 from star_core import Mask, Odometry, Scene, Tag
+
+if TYPE_CHECKING:
+    from star_apriltag.batch import BatchEstimator
 
 log = logging.getLogger(__name__)
 
@@ -32,10 +30,8 @@ class TickInput(NamedTuple):
 
     def of(self, rows: Sequence[int]) -> TickInput:
         """Return the reports of the agents in `rows`."""
-        in_group = np.isin(self.odometry.agent, rows)
-        names = Odometry.__dataclass_fields__
         return self._replace(
-            odometry=Odometry(**{name: getattr(self.odometry, name)[in_group] for name in names}),
+            odometry=self.odometry.of(np.isin(self.odometry.agent, rows)),
             images=tuple(image for image in self.images if image.row in rows),
         )
 
@@ -71,9 +67,7 @@ class AgentGroup:
     def __init__(self, scene: Scene, rows: Iterable[int], settings: Settings) -> None:
         landmarks = _first_of_each(scene.world.landmarks, settings.max_tags_per_landmark)
         self._scene = scene
-        self._estimators: dict[int, AgentEstimator] = {
-            row: _estimator(scene, row, landmarks, settings) for row in rows
-        }
+        self._estimators = {row: _estimator(scene, row, landmarks, settings) for row in rows}
 
     def update(self, reports: TickInput) -> TickOutput:
         """Process the reports of one tick."""
@@ -107,7 +101,7 @@ class AgentGroup:
 
 def _estimator(
     scene: Scene, row: int, landmarks: tuple[Tag, ...], settings: Settings
-) -> AgentEstimator:
+) -> FilterEstimator | BatchEstimator:
     if settings.method == "batch":
         from star_apriltag.batch import BatchEstimator  # imports gtsam
 

@@ -17,7 +17,6 @@ from star_core import (
     Mask,
     PoseFixes,
     Registry,
-    Rows,
     Scene,
     Supervisor,
     Telemetry,
@@ -188,7 +187,7 @@ class Mocap:
             fixes = self._fixes(recent, self._began)
         good = np.isfinite(fixes.position.sum(axis=1) + fixes.time + fixes.position_std)
         rows = np.flatnonzero(good)
-        return _of(fixes, rows[np.argsort(fixes.time[rows], kind="stable")])
+        return fixes.of(rows[np.argsort(fixes.time[rows], kind="stable")])
 
     def _fixes(self, frames: list[MapFrame], began: float) -> PoseFixes:
         """Return the measurements of a source's frames; `began` is mission time 0, s."""
@@ -239,7 +238,7 @@ class Mocap:
             exchanged |= {each.label: each.agent for each in wrong}
         self._note_exchange(exchanged)
         kept = np.flatnonzero(agent != UNKNOWN)
-        return replace(_of(fixes, kept), agent=agent[kept])
+        return replace(fixes.of(kept), agent=agent[kept])
 
     def _note_exchange(self, exchanged: Mapping[int, int]) -> None:
         """Report labels of other agents, once for each exchange."""
@@ -352,17 +351,3 @@ class Mocap:
             np.array(fixes.agent),
             np.ascontiguousarray(table),
         )
-
-
-def _of(fixes: PoseFixes, rows: Rows) -> PoseFixes:
-    """Return some measurements."""
-    return PoseFixes(
-        fixes.agent[rows],
-        fixes.taken[rows],
-        fixes.arrived[rows],
-        fixes.position[rows],
-        fixes.attitude[rows],
-        fixes.position_std[rows],
-        fixes.attitude_std[rows],
-        fixes.correlation_time[rows],
-    )
