@@ -27,7 +27,7 @@ from star_core.toolkit import Fault, fill_defaults
 from star_fleet.command import MOTION_CAPTURE
 from star_fleet.conditions import Condition
 from star_fleet.natnet import VERSION, NatNetServer
-from star_mocap.source import MocapSourceSpec, system_options
+from star_mocap.source import MocapSourceSpec
 from star_mocap.sources import natnet
 from star_mocap.system import CaptureFrames
 from star_sim import OPTIONS, simulator_arguments
@@ -132,7 +132,7 @@ def motion_capture(air: Air) -> Iterator[None]:
     """Let localizer `mocap` receive the positions that a fleet's NatNet server sends."""
 
     def connect(plugins: Registry, scene: Scene, system: Mapping[str, Any]) -> Received:
-        schema = {"properties": system_options(plugins)}
+        schema = {"properties": MocapSourceSpec.system_options(plugins)}
         return Received(air, scene, fill_defaults(system, schema))
 
     with closing(air.fleet), pytest.MonkeyPatch.context() as patch, virtual(air):

@@ -7,13 +7,10 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 from star_core import LocalizerSpec, Problem, deferred, hookimpl
+from star_core.toolkit import number, positive
 
 if TYPE_CHECKING:
     from star_core import Localizer, Scene
-
-
-def _number(default: float, description: str, **limits: float) -> dict[str, Any]:
-    return {"type": "number", "default": default, "description": description, **limits}
 
 
 OPTIONS: dict[str, Any] = {
@@ -39,38 +36,37 @@ OPTIONS: dict[str, Any] = {
             "extpos: positions only, by which the estimators correct their headings too, but "
             "slowly and in motion only.",
         },
-        "latency": _number(
-            0.15,
+        "latency": number(
             "Time from exposure to arrival, for images without a timestamp, s.",
             minimum=0,
             maximum=2,
+            default=0.15,
         ),
-        "latency_std": _number(
-            0.025,
+        "latency_std": number(
             "Standard deviation of that time, s; half of the variance is that of its mean, which "
             "is estimated in flight.",
             minimum=0,
             maximum=2,
+            default=0.025,
         ),
-        "mounting_std_deg": _number(
-            1.5,
+        "mounting_std_deg": positive(
             "Standard deviation of a camera's mounting angles, degrees; they are estimated in "
             "flight.",
-            exclusiveMinimum=0,
             maximum=15,
+            default=1.5,
         ),
-        "survey_std": _number(
-            0.015,
+        "survey_std": number(
             "Standard deviation of the landmarks' surveyed positions along each axis, m; their "
             "errors are estimated in flight.",
             minimum=0,
+            default=0.015,
         ),
-        "survey_std_deg": _number(
-            1.5,
+        "survey_std_deg": number(
             "Standard deviation of the landmarks' rotations about each axis, degrees; they are "
             "estimated in flight.",
             minimum=0,
             maximum=45,
+            default=1.5,
         ),
         "guided_matching": {
             "type": "boolean",
@@ -93,14 +89,10 @@ OPTIONS: dict[str, Any] = {
             "description": "Number of processes that analyze images beside the tick; null: one for "
             "each camera, with a core left for the tick. Results do not depend on it.",
         },
-        "max_position_std": _number(
-            1.0,
-            "Standard deviation of the position up to which an agent is located, m.",
-            exclusiveMinimum=0,
+        "max_position_std": positive(
+            "Standard deviation of the position up to which an agent is located, m.", default=1.0
         ),
-        "max_report_age": _number(
-            0.5, "Age up to which an agent's report is valid, s.", exclusiveMinimum=0
-        ),
+        "max_report_age": positive("Age up to which an agent's report is valid, s.", default=0.5),
     },
 }
 

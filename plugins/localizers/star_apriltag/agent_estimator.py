@@ -6,11 +6,11 @@ import cmath
 import logging
 import math
 from collections.abc import Sequence
-from typing import Final, NamedTuple, Protocol
+from typing import Final, NamedTuple
 
 import numpy as np
 
-from star_apriltag.dead_reckoning import AgentState, Anchor, Z, predict, start
+from star_apriltag.dead_reckoning import AgentState, Z, predict, start
 from star_apriltag.floor_odometry import FloorOdometry
 from star_apriltag.joint_filter import Deviations, JointFilter
 from star_apriltag.odometry_track import OdometryTrack
@@ -50,31 +50,13 @@ class CameraReport(NamedTuple):
     stamped: bool = True  # whether `taken` is known; else it is derived from `arrived`
 
 
-class AgentEstimator(Protocol):
-    """A method to estimate the state of one agent."""
-
-    @property
-    def anchor(self) -> Anchor:
-        """Where dead reckoning continues."""
-
-    def add_odometry(self, odometry: Odometry, rows: Rows, *, motors: bool) -> None:
-        """Add the samples in `rows`, which are the agent's."""
-
-    def add_image(self, report: CameraReport) -> tuple[ImageAnalysis, AgentState | None] | None:
-        """Add an image; return its analysis and the predicted state at its exposure.
-
-        Raises:
-            ValueError: It is no image of the agent's camera.
-        """
-
-    def advance(self, now: float) -> None:
-        """Continue up to `now`, s, without further images."""
-
-
 class FilterEstimator:
     """Estimates one agent's state with a `JointFilter`; without a camera, by odometry only.
 
     Of the targets only the numbers and sizes are used.
+
+    Attributes:
+        anchor: Where dead reckoning continues.
     """
 
     def __init__(
@@ -114,15 +96,22 @@ class FilterEstimator:
         return predict(self.anchor, time, self.track, self._ground)
 
     def add_odometry(self, odometry: Odometry, rows: Rows, *, motors: bool) -> None:
+        """Add the samples in `rows`, which are the agent's."""
         self.track.add(odometry, rows, motors=motors)
 
     def advance(self, now: float) -> None:
+        """Continue up to `now`, s, without further images."""
         end = now - self._settings.latency - ADVANCE_DELAY
         if end - self.anchor.time > ADVANCE_PERIOD:
             self._filter.advance(end, self.track)
             self.anchor = self._filter.anchor
 
     def add_image(self, report: CameraReport) -> tuple[ImageAnalysis, AgentState] | None:
+        """Add an image; return its analysis and the predicted state at its exposure.
+
+        Raises:
+            ValueError: It is no image of the agent's camera.
+        """
         time = report.taken if report.stamped else report.taken - self._filter.latency
         if self._analyzer is None or not time > self.anchor.time:
             return None

@@ -36,7 +36,10 @@ SINGULAR: Final = 1e-9
 
 
 class BatchEstimator:
-    """Estimates one agent's state with a graph of every pose since take-off."""
+    """Estimates one agent's state with a graph of every pose since take-off.
+
+    Its public methods are those of `FilterEstimator`.
+    """
 
     def __init__(self, agent: Agent, landmarks: tuple[Tag, ...]) -> None:
         self._track = OdometryTrack()

@@ -97,9 +97,6 @@ class FloorOdometry:
     odometry predicts; its points are tracked in the new image by the method of Lucas and Kanade
     (IJCAI 1981), and errors of odometry's displacement, turn and change of tilt are fitted to
     them. Outliers weigh less, by Huber's rule. The turn that is kept is the gyro's.
-
-    Args:
-        lens: Of the camera.
     """
 
     def __init__(self, lens: CameraModel) -> None:

@@ -150,11 +150,7 @@ EXACT_STD = 0.001  # m, of positions by odometry without errors: covariances sta
 
 
 class NoDrift:
-    """Covariance of positions by odometry without errors (`Scene.exact_odometry`).
-
-    Args:
-        agents: Number of agents.
-    """
+    """Covariance of positions by odometry without errors (`Scene.exact_odometry`)."""
 
     def __init__(self, agents: int) -> None:
         self._covariance: Array = np.tile(EXACT_STD**2 * np.eye(3), (agents, 1, 1))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from star_core import InputError, LocalizerSpec, Problem, deferred, hookimpl
 from star_core.toolkit import KindSpec, number, positive
-from star_mocap.source import MocapSourceSpec, system_options
+from star_mocap.source import MocapSourceSpec
 
 if TYPE_CHECKING:
     from star_core import Registry, Scene
@@ -230,7 +230,10 @@ def star_localizers(registry: Registry) -> Iterable[LocalizerSpec]:
         name="mocap",
         summary="Fuse poses measured by motion capture with on-board odometry.",
         make=partial(deferred("star_mocap.localizer:Mocap"), registry),
-        options={"type": "object", "properties": OPTIONS | system_options(registry)},
+        options={
+            "type": "object",
+            "properties": OPTIONS | MocapSourceSpec.system_options(registry),
+        },
         check=partial(check, registry),
         corrects_heights=True,
         edge_clearance=0.5,  # benchmarks/heights.py

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from importlib import import_module, util
+from importlib import util
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from star_core import PluginError, Problem
@@ -61,7 +61,58 @@ class MocapSourceSpec(Spec):
     @staticmethod
     def system_options(registry: Registry) -> dict[str, Any]:
         """Return the schemas of the options of a system by name: source, bodies and frame."""
-        return system_options(registry)
+        sources = registry.offers()[KIND]
+        return {
+            "source": {
+                "type": "object",
+                "minProperties": 1,
+                "maxProperties": 1,
+                "additionalProperties": False,
+                "properties": {
+                    name: {
+                        "type": "object",
+                        "additionalProperties": False,
+                        "description": offer.summary,
+                        **offer.options,
+                    }
+                    for name, offer in sources.items()
+                },
+                "description": "The motion-capture system that is connected to: one source and its "
+                "options. Needed with a transport that measures no positions.",
+                "examples": [{"natnet": {"host": "192.168.1.10"}}],
+            },
+            "bodies": {
+                "type": "object",
+                "additionalProperties": {"type": "string", "minLength": 1},
+                "default": {},
+                "description": "Name of each agent's body in the system, if not the agent's own "
+                "name.",
+                "examples": [{"cf1": "Crazyflie 1"}],
+            },
+            "origin": {
+                "type": "array",
+                "items": {"type": "number"},
+                "minItems": 3,
+                "maxItems": 3,
+                "default": [0.0, 0.0, 0.0],
+                "description": "Origin of the system's frame in the map, m.",
+            },
+            "yaw_deg": number(
+                "Direction of the system's x axis in the map, degrees anticlockwise.",
+                minimum=-360,
+                maximum=360,
+                default=0.0,
+            ),
+            "up": {
+                "enum": ["z", "y"],
+                "default": "z",
+                "description": "Axis of the system's frame that points up. With y, its z axis "
+                "points along the map's -y before it is turned by yaw_deg, as in Motive.",
+            },
+            "connect_timeout": positive(
+                "Time within which the system must send its first frame, s.", default=10.0
+            ),
+        }
 
     @staticmethod
     def check(registry: Registry, options: Mapping[str, Any]) -> Iterable[Problem]:
@@ -83,71 +134,10 @@ class MocapSourceSpec(Spec):
 
         for problem in MocapSourceSpec.check(registry, options):
             raise PluginError(f"motion capture: {problem.message}", problem.code)
-        schema = {"properties": system_options(registry)}
+        schema = {"properties": MocapSourceSpec.system_options(registry)}
         return MotionCapture(registry, scene, fill_defaults(options, schema))
 
 
 def installed(package: str) -> bool:
     """Return whether a package can be imported."""
     return util.find_spec(package) is not None
-
-
-def system_options(registry: Registry) -> dict[str, Any]:
-    """Return the schemas of the options of a system by name."""
-    sources = registry.offers()[KIND]
-    return {
-        "source": {
-            "type": "object",
-            "minProperties": 1,
-            "maxProperties": 1,
-            "additionalProperties": False,
-            "properties": {
-                name: {
-                    "type": "object",
-                    "additionalProperties": False,
-                    "description": offer.summary,
-                    **offer.options,
-                }
-                for name, offer in sources.items()
-            },
-            "description": "The motion-capture system that is connected to: one source and its "
-            "options. Needed with a transport that measures no positions.",
-            "examples": [{"natnet": {"host": "192.168.1.10"}}],
-        },
-        "bodies": {
-            "type": "object",
-            "additionalProperties": {"type": "string", "minLength": 1},
-            "default": {},
-            "description": "Name of each agent's body in the system, if not the agent's own name.",
-            "examples": [{"cf1": "Crazyflie 1"}],
-        },
-        "origin": {
-            "type": "array",
-            "items": {"type": "number"},
-            "minItems": 3,
-            "maxItems": 3,
-            "default": [0.0, 0.0, 0.0],
-            "description": "Origin of the system's frame in the map, m.",
-        },
-        "yaw_deg": number(
-            "Direction of the system's x axis in the map, degrees anticlockwise.",
-            minimum=-360,
-            maximum=360,
-            default=0.0,
-        ),
-        "up": {
-            "enum": ["z", "y"],
-            "default": "z",
-            "description": "Axis of the system's frame that points up. With y, its z axis points "
-            "along the map's -y before it is turned by yaw_deg, as in Motive.",
-        },
-        "connect_timeout": positive(
-            "Time within which the system must send its first frame, s.", default=10.0
-        ),
-    }
-
-
-def frames_of(target: str) -> Any:
-    """Return the function that a spec names, ``module:function``."""
-    module, _, name = target.partition(":")
-    return getattr(import_module(module), name)

@@ -9,7 +9,7 @@ import time
 from contextlib import suppress
 from multiprocessing.connection import Connection
 
-from star_mocap.source import frames_of
+from star_core import deferred
 
 
 def serve(descriptor: int) -> None:
@@ -27,7 +27,7 @@ def serve(descriptor: int) -> None:
     signal.setitimer(signal.ITIMER_REAL, timeout)
     threading.Thread(target=_exit_with, args=(connection,), daemon=True).start()
     try:
-        for frame in frames_of(target)(**options):
+        for frame in deferred(target)(**options):
             if frame is not None:
                 signal.setitimer(signal.ITIMER_REAL, 0)
                 connection.send((time.monotonic(), *frame))

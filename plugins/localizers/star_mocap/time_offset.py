@@ -48,9 +48,6 @@ class TimeOffset:
     variance is that of least squares: the variance of what one stream does not explain of the
     other, over the squares of the slopes, with `SPAN` as the time in which errors are independent.
 
-    Args:
-        agents: Number of agents.
-
     Attributes:
         latency: The best estimate so far.
     """

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 from star_core import Problem, TransportSpec, deferred, hookimpl
 from star_core.toolkit import fill_defaults, number, positive
-from star_sim import onboard_options, positioning_options
 from star_sim.camera_sim import options as camera_options
 from star_sim.error_profile import PROFILES
+from star_sim.positioning_options import ONBOARD, POSITIONING
 
 if TYPE_CHECKING:
     from star_core import Scene, Transport
@@ -45,10 +45,7 @@ OPTIONS: dict[str, Any] = {
             maximum=1,
             default=1.0,
         ),
-        "endurance": positive(
-            "Hover time with a full battery, s.",
-            default=420.0,
-        ),
+        "endurance": positive("Hover time with a full battery, s.", default=420.0),
         "swap_time": {
             "type": ["number", "null"],
             "minimum": 0,
@@ -88,10 +85,7 @@ OPTIONS: dict[str, Any] = {
                     maximum=10,
                     default=0.0,
                 ),
-                "gust_time": positive(
-                    "Correlation time of the gusts, s.",
-                    default=2.0,
-                ),
+                "gust_time": positive("Correlation time of the gusts, s.", default=2.0),
             },
         },
         "radio": {
@@ -116,8 +110,8 @@ OPTIONS: dict[str, Any] = {
             },
         },
         "camera": camera_options.OPTIONS,
-        "positioning": positioning_options.OPTIONS,
-        "onboard": onboard_options.OPTIONS,
+        "positioning": POSITIONING,
+        "onboard": ONBOARD,
     },
 }
 

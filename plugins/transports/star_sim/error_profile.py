@@ -18,17 +18,17 @@ from star_sim.airframe import GRAVITY
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ErrorProfile:
-    """Standard deviations and rates of the simulated errors."""
+    """Standard deviations and rates of the simulated errors; defaults are those of ``ideal``."""
 
     # Flow sensor, in every sample and slowly changing.
-    flow_noise: float  # counts
-    flow_scale_wander: float  # fraction
+    flow_noise: float = 1.0  # counts
+    flow_scale_wander: float = 0.0  # fraction
     flow_scale_time: float = 30.0  # s, correlation time
 
     # IMU. Without `imu` the estimator integrates the true velocity increments and knows its tilt
     # but for a constant error.
-    imu: bool
-    gyro_noise: float  # rad/s at 100 Hz
+    imu: bool = False
+    gyro_noise: float = math.radians(0.14)  # rad/s at 100 Hz: 0.014 °/s/√Hz of a BMI088
     gyro_wander: float = 0.0  # rad/s, about each axis
     gyro_time: float = 30.0  # s, correlation time
     accelerometer_bias: float = 0.0  # m/s², along each axis, constant
@@ -37,52 +37,31 @@ class ErrorProfile:
     accelerometer_noise: float = 0.0  # m/s² at 100 Hz, vibration included
 
     # Ranger.
-    ranger_bias: float  # m, constant
-    surfaces: bool  # whether ranger and flow sensor measure the distance to what is below
+    ranger_bias: float = 0.0  # m, constant
+    surfaces: bool = False  # whether ranger and flow sensor measure the distance to what is below
 
-    aerodynamics: bool  # whether there are downwash and ground effect
+    aerodynamics: bool = False  # whether there are downwash and ground effect
 
     # Radio link; the values that the option ``radio`` does not give.
-    report_delay: float  # s from a sample to its arrival, in whole cycles of 10 ms
-    report_loss: float  # fraction of the packets
-    setpoint_delay: float  # s from sending to effect, of setpoints and commands
+    report_delay: float = 0.0  # s from a sample to its arrival, in whole cycles of 10 ms
+    report_loss: float = 0.0  # fraction of the packets
+    setpoint_delay: float = 0.0  # s from sending to effect, of setpoints and commands
     setpoint_loss: float = 0.0  # fraction of the setpoints
 
     # Default values of the options of ``camera``, which has the units.
-    timestamps: bool
-    latency_offset_std: float
-    survey_std: float
-    survey_yaw_std_deg: float
-    survey_height_std: float
-    survey_tilt_std_deg: float
-    mounting_std_deg: float
-    mounting_position_std: float
-    focal_length_std: float
-    image_center_std: float
+    timestamps: bool = True
+    latency_offset_std: float = 0.0
+    survey_std: float = 0.005
+    survey_yaw_std_deg: float = 0.5
+    survey_height_std: float = 0.0
+    survey_tilt_std_deg: float = 0.0
+    mounting_std_deg: float = 0.5
+    mounting_position_std: float = 0.002
+    focal_length_std: float = 0.0
+    image_center_std: float = 0.0
 
 
-IDEAL: Final = ErrorProfile(
-    flow_noise=1.0,
-    flow_scale_wander=0.0,
-    imu=False,
-    gyro_noise=math.radians(0.14),  # 0.014 °/s/√Hz of a BMI088 over 100 Hz
-    ranger_bias=0.0,
-    surfaces=False,
-    aerodynamics=False,
-    report_delay=0.0,
-    report_loss=0.0,
-    setpoint_delay=0.0,
-    timestamps=True,
-    latency_offset_std=0.0,
-    survey_std=0.005,
-    survey_yaw_std_deg=0.5,
-    survey_height_std=0.0,
-    survey_tilt_std_deg=0.0,
-    mounting_std_deg=0.5,
-    mounting_position_std=0.002,
-    focal_length_std=0.0,
-    image_center_std=0.0,
-)
+IDEAL: Final = ErrorProfile()
 
 REALISTIC: Final = ErrorProfile(
     flow_noise=2.0,  # `flowStdFixed` of the firmware's flowdeck_v1v2.c

@@ -36,11 +36,7 @@ YAW: Final = 2  # column of the heading, after x and y
 
 
 class Fusion:
-    """The covariances of all drones' estimates of x, y and heading.
-
-    Args:
-        agents: Number of drones.
-    """
+    """The covariances of all drones' estimates of x, y and heading."""
 
     def __init__(self, agents: int) -> None:
         self._time = np.zeros(agents)  # s, of the last correction

@@ -51,11 +51,7 @@ class Ranges(NamedTuple):
 
 
 class InertialFusion:
-    """The covariances of all drones' estimates of position, velocity, tilt and heading.
-
-    Args:
-        agents: Number of drones.
-    """
+    """The covariances of all drones' estimates of position, velocity, tilt and heading."""
 
     def __init__(self, agents: int) -> None:
         self._time = np.zeros(agents)  # s, of the last measurement

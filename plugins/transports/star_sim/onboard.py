@@ -26,9 +26,9 @@ from star_sim.airframe import STEP
 from star_sim.drone import Drones
 from star_sim.fusion import Fusion
 from star_sim.inertial_fusion import InertialFusion, Ranges
+from star_sim.positioning import AXES, failing
 
 _STREAM: Final = 7351
-AXES: Final = 3
 SINGLE: Final = 3.0  # assumed: how much more positions err by one base station than by several
 MIN_GEOMETRY: Final = 1e-3  # of the ranges' geometry: anchors in a plane do not give its normal
 WALL_REACH: Final = 0.3  # m from a wall, at which its effect on ranges has decayed; assumed
@@ -129,7 +129,7 @@ class Onboard:
         )
         noise = errors.noise * self._random.standard_normal(self._bias.shape)
         position = np.array(drones["position"])
-        offset, lost = self._failing(len(position), now)
+        offset, lost = failing(self.faults, len(position), now, self._random)
         if self._system is None:
             located, error = np.ones(len(position), np.bool_), self._bias + noise
         else:
@@ -175,19 +175,6 @@ class Onboard:
             solved = np.linalg.lstsq(towards, ranged[row, heard[row]], rcond=MIN_GEOMETRY)[0]
             error[row] = solved
         return error
-
-    def _failing(self, agents: int, now: float) -> tuple[Array, Mask]:
-        """Return by how much faults displace positions, (N, 3) m, and whether they are lost."""
-        offset, lost = np.zeros((agents, AXES)), np.zeros(agents, np.bool_)
-        for fault in self.faults:
-            rows: Rows = np.array(list(fault.rows(now)), np.int64)
-            if fault.mode == "off":
-                lost[rows] = True
-            elif fault.mode == "intermittent":
-                lost[rows] |= self._random.random(len(rows)) < fault.values["loss"]
-            elif not fault.values["swap"]:
-                offset[rows] += fault.values["offset"]
-        return offset, lost
 
 
 def nearest_surface(world: World, points: Array) -> Array:

@@ -103,9 +103,6 @@ class Queue:
 
     The remaining pieces of a drone are dropped if it flies something else when the next is due.
 
-    Args:
-        drones: All of them.
-
     Attributes:
         next_step: Number of the step of 2 ms at which a piece is due next, or `NEVER`.
     """

@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from star_core import Array, PoseFixes, Rows
+from star_core import Array, Mask, PoseFixes, Rows
 from star_core.toolkit import Fault, quaternion_from_euler, yaw_from_quaternion
 from star_sim.airframe import STEP
 from star_sim.drone import Drones
@@ -102,7 +102,10 @@ class Positioning:
         self._dropped_until = np.where(
             begins & (self._dropped_until <= now), now + self._dropout_time, self._dropped_until
         )
-        rows, offset = self._seen(np.flatnonzero(self._dropped_until <= now), now)
+        offset, lost = failing(self.faults, len(self._error), now, self._random)
+        rows: Rows = np.flatnonzero((self._dropped_until <= now) & ~lost)
+        if self._markers:
+            rows = self._random.permutation(rows)
         if not len(rows):
             return
         column = np.ones(len(rows))
@@ -119,29 +122,13 @@ class Positioning:
             agent=self._labels(rows, now),
             taken=(now if self._timestamps else np.nan) * column,
             arrived=self._arrives * column,
-            position=drones["position"][rows] + self._error[rows] + offset,
+            position=drones["position"][rows] + self._error[rows] + offset[rows],
             attitude=attitude,
             position_std=self._std * column,
             attitude_std=yaw_std * column,
             correlation_time=self._correlation_time * column,
         )
         self._sent.append((self._arrives, fixes))
-
-    def _seen(self, rows: Rows, now: float) -> tuple[Rows, Array]:
-        """Return the rows that are measured, (K,), and by how much wrongly, (K, 3) m."""
-        offset = np.zeros((len(self._error), 3))
-        for fault in self.faults:
-            failing = list(fault.rows(now))
-            if fault.mode == "off":
-                rows = np.setdiff1d(rows, failing)
-            elif fault.mode == "intermittent":
-                lost = self._random.random(len(failing)) < fault.values["loss"]
-                rows = np.setdiff1d(rows, np.array(failing, int)[lost])
-            elif not fault.values["swap"]:
-                offset[failing] += fault.values["offset"]
-        if self._markers:
-            rows = self._random.permutation(rows)
-        return rows, offset[rows]
 
     def _labels(self, rows: Rows, now: float) -> Rows:
         """Return the rows whose names the measurements have."""
@@ -160,3 +147,19 @@ class Positioning:
         while self._sent and self._sent[0][0] <= now + STEP / 2:
             tables.append(self._sent.popleft()[1])
         return PoseFixes.merged(tables)
+
+
+def failing(
+    faults: Sequence[Fault], agents: int, now: float, random: np.random.Generator
+) -> tuple[Array, Mask]:
+    """Return by how much faults displace positions, (N, 3) m, and which they lose, (N,)."""
+    offset, lost = np.zeros((agents, AXES)), np.zeros(agents, np.bool_)
+    for fault in faults:
+        rows: Rows = np.array(list(fault.rows(now)), np.int64)
+        if fault.mode == "off":
+            lost[rows] = True
+        elif fault.mode == "intermittent":
+            lost[rows] |= random.random(len(rows)) < fault.values["loss"]
+        elif not fault.values["swap"]:
+            offset[rows] += fault.values["offset"]
+    return offset, lost

@@ -1,4 +1,4 @@
-"""Options of the simulated positioning system: ``sim``'s option ``positioning``."""
+"""Options of simulated positioning systems: ``sim``'s ``positioning`` and ``onboard``."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Any
 
 from star_core.toolkit import number, positive
 
-OPTIONS: dict[str, Any] = {
+POSITIONING: dict[str, Any] = {
     "type": "object",
     "additionalProperties": False,
     "description": "A positioning system that measures the positions of all drones in the map, for "
@@ -60,5 +60,27 @@ OPTIONS: dict[str, Any] = {
             "Mean number of dropouts of each drone, 1/s.", minimum=0, maximum=100, default=0.0
         ),
         "dropout_time": positive("Duration of a dropout, s.", maximum=3600, default=1.0),
+    },
+}
+
+ONBOARD: dict[str, Any] = {
+    "type": "object",
+    "additionalProperties": False,
+    "required": ["system"],
+    "description": "A positioning system whose receivers are on board, for localizer `onboard`; "
+    "none if not given.",
+    "examples": [{"system": "lighthouse"}],
+    "properties": {
+        "system": {
+            "enum": ["lighthouse", "loco", "poses"],
+            "description": "'lighthouse' or 'loco', with the base stations or anchors of the "
+            "world, or 'poses' that another program sends.",
+        },
+        "flow_deck": {
+            "type": "boolean",
+            "default": True,
+            "description": "Whether a Flow deck measures heights and velocities too; without, they "
+            "are those of the positioning system and the IMU.",
+        },
     },
 }

@@ -24,11 +24,6 @@ class RadioLink:
     Packets to the drones arrive in the order in which they were sent. Commands are not lost: the
     radio resends them. Of setpoints and samples each agent loses its own.
 
-    Args:
-        profile: Delays, and the fractions of samples and setpoints that are lost.
-        seed: Of the flight.
-        agents: Number of drones.
-
     Attributes:
         next_step: Number of the step of 2 ms before which a packet arrives next, or `NEVER`.
         newest: (N, SAMPLE) the last sample that arrived from each drone.

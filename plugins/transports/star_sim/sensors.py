@@ -119,12 +119,7 @@ class Wander:
     """Sensor errors of all drones that change in flight, for the estimators with an IMU.
 
     A slowly changing error is a first-order Gauss-Markov process, in its steady state from the
-    start.
-
-    Args:
-        profile: Magnitudes.
-        seed: Of the flight.
-        agents: Number of drones; each has its own random stream.
+    start. Each drone has its own random stream.
     """
 
     def __init__(self, profile: ErrorProfile, seed: int, agents: int) -> None:

@@ -34,9 +34,6 @@ class Detector:
     Candidates are the dark quadrilaterals of `quads`. Their corners are found to a fraction of a
     pixel by `refine`; candidates without clear edges are dropped. `tag_code` reads the modules
     within. Tags with modules from about a pixel on are found, at any resolution of the image.
-
-    Args:
-        lens: Of the camera.
     """
 
     def __init__(self, lens: CameraModel) -> None:

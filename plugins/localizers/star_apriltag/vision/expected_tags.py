@@ -39,12 +39,7 @@ class ExpectedTag:
 
 
 class ExpectedTags:
-    """Predicts which tags are in the images of one camera.
-
-    Args:
-        lens: Of the camera.
-        tags: The map.
-    """
+    """Predicts which tags of the map are in the images of one camera."""
 
     def __init__(self, lens: CameraModel, tags: Sequence[MapTag]) -> None:
         self._lens = lens

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import heapq
-import math
 from collections.abc import Callable
 from typing import Any
 
@@ -15,7 +14,7 @@ from star_sim.camera_sim.camera_pose import Shot
 from star_sim.camera_sim.disturbances import Disturbances, lamps_and_clutter
 from star_sim.camera_sim.floor_texture import floor
 from star_sim.camera_sim.geometric import OnboardDetector
-from star_sim.camera_sim.ground_truth import CameraError, SurveyError, real_camera, real_tags
+from star_sim.camera_sim.ground_truth import real_camera, real_tags
 from star_sim.camera_sim.options import CameraOptions
 from star_sim.camera_sim.renderer import Renderer
 from star_sim.drone import Drones
@@ -48,19 +47,7 @@ class Cameras:
         ]
         self._tags = np.array([tag.id for tag in surveyed], np.int64)
         self._numbers = np.array(sorted(tag.id for tag in surveyed) or [0])
-        survey = SurveyError(
-            options.survey_std,
-            math.radians(options.survey_yaw_std_deg),
-            options.survey_height_std,
-            math.radians(options.survey_tilt_std_deg),
-        )
-        tags = real_tags(surveyed, [scene.seed, _SURVEY_STREAM], survey)
-        error = CameraError(
-            options.mounting_position_std,
-            math.radians(options.mounting_std_deg),
-            options.focal_length_std,
-            options.image_center_std,
-        )
+        tags = real_tags(surveyed, [scene.seed, _SURVEY_STREAM], options)
         others = lamps_and_clutter(scene.world.fence, scene.seed, options.lamps, options.clutter)
         self._disturbances: dict[int, Disturbances] = {}
         self._latency: dict[int, float] = {}  # s, mean of each camera
@@ -72,7 +59,7 @@ class Cameras:
             if agent.camera is None:
                 continue
             rng = np.random.default_rng([scene.seed, _MOUNTING_STREAM, row])
-            self._cameras[row] = camera = real_camera(agent.camera, rng, error)
+            self._cameras[row] = camera = real_camera(agent.camera, rng, options)
             offset = options.latency_offset_std * float(rng.standard_normal())
             self._latency[row] = options.latency + offset
             self._streams[row] = np.random.default_rng([scene.seed, _STREAM, row])
@@ -83,14 +70,7 @@ class Cameras:
                     camera, tags, scene.world, ground, others, noise=options.pixel_noise_std
                 )
             )
-            self._disturbances[row] = Disturbances(
-                camera,
-                [scene.seed, row],
-                exposure_step=options.exposure_step,
-                fixed_pattern_std=options.fixed_pattern_std,
-                jpeg_quality=options.jpeg_quality,
-                vibration_std=math.radians(options.vibration_std_deg),
-            )
+            self._disturbances[row] = Disturbances(camera, [scene.seed, row], options)
         self._periods = {  # of each camera, from mission time 0 to its next image
             row: (i + 1) / len(self._cameras) for i, row in enumerate(self._cameras)
         }

@@ -14,6 +14,7 @@ import numpy as np
 
 from star_core import Array, Camera, Fence, Image, Tag
 from star_sim.camera_sim.camera_pose import Shot
+from star_sim.camera_sim.options import CameraOptions
 from star_sim.camera_sim.tag_rasterizer import CELLS, INK, PAPER
 
 EXPOSURE_IMAGES: Final = 10  # images between two steps of the exposure
@@ -50,30 +51,17 @@ class Disturbances:
     Args:
         camera: The camera.
         seed: Of the flight and the camera's row.
-        exposure_step: Greatest relative change of brightness by auto-exposure; it steps every
-            `EXPOSURE_IMAGES` images.
-        fixed_pattern_std: Standard deviation of the constant offsets of columns, and of pixels,
-            gray values.
-        jpeg_quality: From 1 to 100; 0 leaves images as they are.
-        vibration_std: Standard deviation of the body's attitude by vibration, rad.
+        options: Have the magnitudes of the disturbances.
     """
 
-    def __init__(
-        self,
-        camera: Camera,
-        seed: Sequence[int],
-        *,
-        exposure_step: float,
-        fixed_pattern_std: float,
-        jpeg_quality: int,
-        vibration_std: float,
-    ) -> None:
-        self._step, self._quality, self._vibration = exposure_step, jpeg_quality, vibration_std
+    def __init__(self, camera: Camera, seed: Sequence[int], options: CameraOptions) -> None:
+        self._step, self._quality = options.exposure_step, options.jpeg_quality
+        self._vibration = math.radians(options.vibration_std_deg)
         rng = np.random.default_rng([*seed, _SENSOR])
         columns = rng.standard_normal(camera.width)
         pixels = rng.standard_normal((camera.height, camera.width))
-        self._offset = fixed_pattern_std * (columns + pixels)
-        self._noisy = fixed_pattern_std > 0
+        self._offset = options.fixed_pattern_std * (columns + pixels)
+        self._noisy = options.fixed_pattern_std > 0
         self._rng = np.random.default_rng([*seed, _IMAGES])
         self._taken, self._gain = 0, 1.0
 

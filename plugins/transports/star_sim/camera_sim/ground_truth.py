@@ -3,25 +3,17 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from star_core import Camera, Tag
+from star_sim.camera_sim.options import CameraOptions
 
 
-class SurveyError(NamedTuple):
-    """Standard deviations of a sheet's pose."""
-
-    position: float  # m, along each of its two axes
-    turn: float  # rad, of its rotation on its surface
-    height: float = 0.0  # m, across its surface
-    tilt: float = 0.0  # rad, about each of its two axes
-
-
-def real_tags(tags: Sequence[Tag], seed: Sequence[int], error: SurveyError) -> tuple[Tag, ...]:
+def real_tags(tags: Sequence[Tag], seed: Sequence[int], error: CameraOptions) -> tuple[Tag, ...]:
     """Return the true tags.
 
     The tags of one landmark or target are on one sheet and move together. A sheet is shifted, and
@@ -31,20 +23,17 @@ def real_tags(tags: Sequence[Tag], seed: Sequence[int], error: SurveyError) -> t
         tags: As surveyed.
         seed: Of two random streams; numbers are drawn for each sheet, in the order in which sheets
             first appear.
-        error: Standard deviations.
+        error: Has the standard deviations of sheets.
     """
+    turn, tilt = math.radians(error.survey_yaw_std_deg), math.radians(error.survey_tilt_std_deg)
     in_plane, out_of_plane = np.random.default_rng(seed), np.random.default_rng([*seed, 1])
     sheets: dict[str, list[Tag]] = {}
     for tag in tags:
         sheets.setdefault(tag.of, []).append(tag)
     moves = {}
     for name, members in sheets.items():
-        right, up, angle = in_plane.standard_normal(3) * [
-            error.position,
-            error.position,
-            error.turn,
-        ]
-        tilts = out_of_plane.standard_normal(3) * [error.tilt, error.tilt, error.height]
+        right, up, angle = in_plane.standard_normal(3) * [error.survey_std, error.survey_std, turn]
+        tilts = out_of_plane.standard_normal(3) * [tilt, tilt, error.survey_height_std]
         surface = Rotation.from_quat(members[0].rotation)
         center = np.mean([tag.position for tag in members], axis=0)
         rotation = Rotation.from_rotvec(surface.apply([*tilts[:2], angle]))
@@ -52,25 +41,18 @@ def real_tags(tags: Sequence[Tag], seed: Sequence[int], error: SurveyError) -> t
     return tuple(_moved(tag, *moves[tag.of]) for tag in tags)
 
 
-class CameraError(NamedTuple):
-    """Standard deviations of a camera's mounting and calibration."""
-
-    position: float  # m, along each axis of the body
-    turn: float  # rad, about each of its own axes
-    focal_length: float = 0.0  # fraction
-    center: float = 0.0  # px, in u and in v
-
-
-def real_camera(camera: Camera, rng: np.random.Generator, error: CameraError) -> Camera:
+def real_camera(camera: Camera, rng: np.random.Generator, error: CameraOptions) -> Camera:
     """Return the true camera.
 
     Args:
         camera: As calibrated.
         rng: Nine numbers are drawn.
-        error: Standard deviations.
+        error: Has the standard deviations of mounting and calibration.
     """
-    shift, angles = rng.standard_normal((2, 3)) * [[error.position], [error.turn]]
-    stretch, *center = rng.standard_normal(3) * [error.focal_length, error.center, error.center]
+    mounting = [[error.mounting_position_std], [math.radians(error.mounting_std_deg)]]
+    shift, angles = rng.standard_normal((2, 3)) * mounting
+    center_std = error.image_center_std
+    stretch, *center = rng.standard_normal(3) * [error.focal_length_std, center_std, center_std]
     fx, fy, cx, cy = camera.matrix
     matrix = ((1 + stretch) * fx, (1 + stretch) * fy, cx + center[0], cy + center[1])
     body_from_level = Rotation.from_euler("xyz", [camera.roll, camera.pitch, camera.yaw])

@@ -44,7 +44,6 @@ class Renderer:
         floor: Of `star_sim.camera_sim.floor_texture.floor`.
         others: Other squares, and their (M, CELLS, CELLS) gray values with a margin of a module.
         noise: Standard deviation of the readout noise, gray values of 255.
-        shot_noise: Variance of the shot noise, gray values² per gray value.
         blur: Standard deviation of the lens's blur, px.
     """
 
@@ -57,7 +56,6 @@ class Renderer:
         others: tuple[Sequence[Tag], Array] = ((), np.empty((0, CELLS, CELLS))),
         *,
         noise: float = 4.0,
-        shot_noise: float = 0.0,
         blur: float = 0.7,
     ) -> None:
         self._optics, self._mount = optics(camera), mounting(camera)
@@ -73,7 +71,7 @@ class Renderer:
         self._floor = floor
         self._spread = spread(blur)
         self._vignette = vignette(camera) * color_response(camera)
-        self._noise, self._shot_noise = noise, shot_noise
+        self._noise = noise
 
     def render(self, shot: Shot, rng: np.random.Generator, printed: Rows | None = None) -> Image:
         """Return the (height, width) image of a shot; of a color camera, its mosaic.
@@ -104,8 +102,7 @@ class Renderer:
             draw_tags(canvas, exposure, tags)
         draw_floor(canvas, exposure, self._floor, GROUND, slices if moved > MIN_BLUR else 1)
         key = int(rng.integers(2**32))
-        read, light = self._noise, self._shot_noise
-        return develop(canvas.light, self._spread, self._vignette, read, light, key)
+        return develop(canvas.light, self._spread, self._vignette, self._noise, key)
 
     def _moved(self, shot: Shot) -> float:
         """Return about how far the floor moves in the image during an exposure, px."""

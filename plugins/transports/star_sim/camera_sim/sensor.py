@@ -51,9 +51,7 @@ def color_response(camera: Camera) -> NDArray[np.float32]:
 
 
 @compiled
-def develop(
-    light: Record, weights: Record, share: Record, read: float, shot: float, key: int
-) -> Image:
+def develop(light: Record, weights: Record, share: Record, read: float, key: int) -> Image:
     """Return the sensor's image.
 
     Each step is a loop of its own over a row, so that the compiler can vectorize it.
@@ -63,7 +61,6 @@ def develop(
         weights: (2 R + 1,) of `spread`.
         share: (H, W) of `vignette`.
         read: Standard deviation of the readout noise, gray values.
-        shot: Variance of the shot noise per gray value of light.
         key: Seed of the noise, less than 2³².
     """
     height, width = light.shape
@@ -71,7 +68,7 @@ def develop(
     image = np.empty((height, width), np.uint8)
     padded = np.empty(width + 2 * radius, np.float32)
     row, normal = np.empty(width, np.float32), np.zeros(width, np.float32)
-    variance, slope, half = np.float32(read * read), np.float32(shot), np.float32(0.5)
+    deviation, half = np.sqrt(np.float32(read * read)), np.float32(0.5)
     black, white = np.float32(0.0), np.float32(255.0)
     for v in range(height):
         padded[:] = black
@@ -86,12 +83,12 @@ def develop(
             weight, source = weights[k], padded[k:]
             for u in range(width):
                 row[u] += weight * source[u]
-        if read > 0.0 or shot > 0.0:
+        if read > 0.0:
             _normals(_mixed(np.uint32(np.uint32(key) + np.uint32(v) * GOLDEN)), normal)
         passed, shown = share[v], image[v]
         for u in range(width):
             gray = row[u] * passed[u]
-            gray += np.sqrt(variance + slope * gray) * normal[u]
+            gray += deviation * normal[u]
             row[u] = min(max(gray + half, black), white)
         for u in range(width):
             shown[u] = np.uint8(np.int32(row[u]))

@@ -12,7 +12,8 @@ from star_apriltag.agent_estimator import ADVANCE_DELAY, ADVANCE_PERIOD, FilterE
 from star_apriltag.dead_reckoning import AgentState
 from star_core import Odometry, Pose, Tag
 from star_core.toolkit import rotation_from_vector
-from star_sim.camera_sim.ground_truth import SurveyError, real_tags
+from star_sim.camera_sim.ground_truth import real_tags
+from star_sim.camera_sim.options import camera_options
 from tests.plugins.localizers.apriltag.conftest import (
     HEIGHT,
     RATE,
@@ -53,7 +54,8 @@ class Flight:
     def see(self, taken: float, tags: Sequence[Tag] = TAGS) -> None:
         real = tags
         if self._survey:
-            error = SurveyError(self._survey, self._survey)
+            turn = math.degrees(self._survey)
+            error = camera_options(survey_std=self._survey, survey_yaw_std_deg=turn)
             real = list(real_tags(tags, [self._seed, 1], error))
         found = [
             (tag, view._replace(rays=view.rays + self._noise / 180 * self._rng.normal(size=(4, 2))))

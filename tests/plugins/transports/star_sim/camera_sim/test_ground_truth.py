@@ -12,7 +12,21 @@ from scipy.spatial.transform import Rotation
 
 from star_core import Camera, Tag
 from star_core.world.quaternions import turned
-from star_sim.camera_sim.ground_truth import CameraError, SurveyError, real_camera, real_tags
+from star_sim.camera_sim.ground_truth import real_camera, real_tags
+from star_sim.camera_sim.options import CameraOptions, camera_options
+
+
+def survey(position: float, turn: float, height: float = 0.0, tilt: float = 0.0) -> CameraOptions:
+    """Return standard deviations of sheets, m and rad."""
+    turns = {"survey_yaw_std_deg": math.degrees(turn), "survey_tilt_std_deg": math.degrees(tilt)}
+    return camera_options(survey_std=position, survey_height_std=height, **turns)
+
+
+def mounted(position: float, turn: float, **errors: float) -> CameraOptions:
+    """Return standard deviations of a camera's mounting, m and rad, and others."""
+    turns = {"mounting_std_deg": math.degrees(turn)}
+    return camera_options(mounting_position_std=position, **turns, **errors)
+
 
 WALL = turned(math.pi / 2, 0.0, 0.7)
 PAIR = (
@@ -23,7 +37,7 @@ HUNG = Tag(2, 0.168, (0.0, 2.0, 0.5), WALL, "wall")
 
 
 def test_tags_of_one_sheet_move_together() -> None:
-    one, two = real_tags(PAIR, [0], SurveyError(0.05, 0.1, 0.05, 0.1))
+    one, two = real_tags(PAIR, [0], survey(0.05, 0.1, 0.05, 0.1))
     before, after = (np.subtract(b.position, a.position) for a, b in (PAIR, (one, two)))
     turn = Rotation.from_quat(one.rotation) * Rotation.from_quat(PAIR[0].rotation).inv()
     assert after == pytest.approx(turn.apply(before))
@@ -34,7 +48,7 @@ def test_tags_of_one_sheet_move_together() -> None:
 
 def test_a_sheet_stays_on_its_surface() -> None:
     normal = Rotation.from_quat(WALL).apply([0, 0, 1])
-    error = SurveyError(0.1, 0.2)
+    error = survey(0.1, 0.2)
     for floor, wall in (real_tags((PAIR[0], HUNG), [seed], error) for seed in range(9)):
         assert floor.position[2] == pytest.approx(0.0)
         assert Rotation.from_quat(floor.rotation).apply([0, 0, 1]) == pytest.approx([0, 0, 1])
@@ -44,7 +58,7 @@ def test_a_sheet_stays_on_its_surface() -> None:
 
 def test_sheets_err_by_the_deviations_given() -> None:
     tags = [Tag(i, 0.1, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0), f"{i}") for i in range(500)]
-    real = real_tags(tags, [0], SurveyError(0.005, 0.01, 0.02, 0.03))
+    real = real_tags(tags, [0], survey(0.005, 0.01, 0.02, 0.03))
     angles = Rotation.from_quat([tag.rotation for tag in real]).as_rotvec()
     positions = np.array([tag.position for tag in real])
     assert positions.std(axis=0) == pytest.approx([0.005, 0.005, 0.02], rel=0.1)
@@ -52,16 +66,14 @@ def test_sheets_err_by_the_deviations_given() -> None:
 
 
 def test_errors_out_of_the_plane_leave_those_in_it() -> None:
-    flat, tilted = (
-        real_tags((HUNG,), [3], SurveyError(0.1, 0.0, *more))[0] for more in ((), (0.1,))
-    )
+    flat, tilted = (real_tags((HUNG,), [3], survey(0.1, 0.0, *more))[0] for more in ((), (0.1,)))
     along = Rotation.from_quat(WALL).inv().apply(np.subtract(tilted.position, flat.position))
     assert along[:2] == pytest.approx([0.0, 0.0])
     assert abs(along[2]) > 0.01
 
 
 def test_lenses_err_by_the_deviations_given() -> None:
-    error = CameraError(0.0, 0.0, focal_length=0.01, center=2.0)
+    error = mounted(0.0, 0.0, focal_length_std=0.01, image_center_std=2.0)
     matrices = np.array(
         [real_camera(Camera(), np.random.default_rng(i), error).matrix for i in range(500)]
     )
@@ -73,11 +85,11 @@ def test_lenses_err_by_the_deviations_given() -> None:
 
 def test_without_deviation_the_truth_is_what_is_believed() -> None:
     for real, believed in zip(
-        real_tags((*PAIR, HUNG), [0], SurveyError(0.0, 0.0)), (*PAIR, HUNG), strict=True
+        real_tags((*PAIR, HUNG), [0], survey(0.0, 0.0)), (*PAIR, HUNG), strict=True
     ):
         assert real.position == pytest.approx(believed.position)
         assert real.rotation == pytest.approx(believed.rotation)
-    camera = real_camera(Camera(), np.random.default_rng(0), CameraError(0.0, 0.0))
+    camera = real_camera(Camera(), np.random.default_rng(0), mounted(0.0, 0.0))
     assert camera.rotation == pytest.approx(Camera().rotation)
     assert camera.position == pytest.approx(Camera().position)
 
@@ -92,7 +104,7 @@ def test_camera_pose_errors_do_not_depend_on_orientation(
     roll: float, pitch: float, yaw: float, seed: int
 ) -> None:
     camera = Camera(roll=roll, pitch=pitch, yaw=yaw)
-    real = real_camera(camera, np.random.default_rng(seed), CameraError(0.01, 0.02))
+    real = real_camera(camera, np.random.default_rng(seed), mounted(0.01, 0.02))
     drawn = np.random.default_rng(seed).standard_normal((2, 3))
     change = Rotation.from_quat(camera.rotation).inv() * Rotation.from_quat(real.rotation)
     assert change.magnitude() == pytest.approx(0.02 * np.linalg.norm(drawn[1]), rel=1e-3)
@@ -104,11 +116,11 @@ def test_a_mounting_errs_about_the_cameras_own_axes() -> None:
     """The same numbers are the same rotation, as seen from the camera, however it is mounted."""
 
     def error(camera: Camera) -> list[float]:
-        real = real_camera(camera, np.random.default_rng(1), CameraError(0.0, 0.1))
-        nominal, mounted = (
+        real = real_camera(camera, np.random.default_rng(1), mounted(0.0, 0.1))
+        nominal, true = (
             Rotation.from_euler("xyz", [one.roll, one.pitch, one.yaw]) for one in (camera, real)
         )
-        return list((nominal.inv() * mounted).as_rotvec())
+        return list((nominal.inv() * true).as_rotvec())
 
     ahead = Camera(roll=0.0, pitch=0.0, yaw=0.0)
     down = Camera(roll=0.3, pitch=1.2, yaw=0.0)
