@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 import star_flow
@@ -138,11 +139,16 @@ def test_a_square_lies_at_its_exact_corners(
     assert found.pose.position == pytest.approx(centre, rel=0.01, abs=0.005)
 
 
-def test_what_is_no_square_is_not_seen() -> None:
-    found = square_fix(
-        np.array([[0, 0], [0.2, 0], [0.02, 0.1], [0, 0.2]]), SIZE, np.array([0, 0, -1.0]), 1e-3
-    )
-    assert found is None
+BEHIND = square_corners(SIZE)[:, :2]  # at 1 m; its z axis points away from the camera
+
+
+@pytest.mark.parametrize(
+    "rays",
+    [[[0, 0], [0.2, 0], [0.02, 0.1], [0, 0.2]], np.zeros((4, 2)), BEHIND],
+    ids=["no square", "one point", "its back"],
+)
+def test_what_is_no_square_is_not_seen(rays: ArrayLike) -> None:
+    assert square_fix(np.array(rays), SIZE, np.array([0, 0, -1.0]), 1e-3) is None
 
 
 @given(arrays(np.float64, (4, 2), elements=st.floats(-3, 3)))
@@ -151,15 +157,6 @@ def test_any_corners_give_a_position_in_front_or_none(rays: Array) -> None:
     if found is not None:
         assert found.pose.position[2] > 0
         assert np.isfinite(found.covariance).all()
-
-
-def test_corners_that_are_one_point_are_no_square() -> None:
-    assert square_fix(np.zeros((4, 2)), SIZE, np.array([0.0, 0.0, -1.0]), 1e-3) is None
-
-
-def test_the_back_of_a_square_is_not_seen() -> None:
-    points = square_corners(SIZE) + np.array([0, 0, 1.0])  # its z axis points away from the camera
-    assert square_fix(points[:, :2] / points[:, 2:], SIZE, np.array([0.0, 0.0, -1.0]), 1e-3) is None
 
 
 def test_the_covariance_of_a_square_is_that_of_its_places() -> None:
@@ -223,19 +220,18 @@ def test_a_heading_is_less_sure_the_longer_ago_it_was_known() -> None:
     assert math.sqrt(heading_variance(600.0)) == pytest.approx(math.radians(120), rel=0.01)
 
 
-def test_landmarks_and_unknown_numbers_are_no_targets() -> None:
+@pytest.mark.parametrize(
+    ("tag", "taken", "scale"),
+    [(1, 0.0, 1.0), (77, 0.0, 1.0), (100, -1.0, 1.0), (100, 5.0, 1.0), (100, 0.0, math.nan)],
+    ids=["landmark", "unknown number", "before the flight", "in the future", "no corners"],
+)
+def test_what_is_no_target_seen_from_a_known_pose_is_ignored(
+    tag: int, taken: float, scale: float
+) -> None:
     made = flow(room())
     made.locate(heard(0.0, *along(0.0)))
-    pixels = corners(FLAT, *in_map(*along(0.0)))
-    found = detections((1, pixels), (77, pixels), taken=0.0, arrived=0.1)
-    assert not len(made.locate(heard(0.1, *along(0.1), detections=found)).sightings.tag)
-
-
-@pytest.mark.parametrize("taken", [-1.0, 5.0], ids=["before the flight", "in the future"])
-def test_targets_seen_from_an_unknown_pose_are_ignored(taken: float) -> None:
-    made = flow(room())
-    made.locate(heard(0.0, *along(0.0)))
-    found = detections((100, corners(FLAT, *in_map(*along(0.0)))), taken=taken, arrived=0.1)
+    pixels = scale * corners(FLAT, *in_map(*along(0.0)))
+    found = detections((tag, pixels), taken=taken, arrived=0.1)
     assert not len(made.locate(heard(0.1, *along(0.1), detections=found)).sightings.tag)
 
 
@@ -254,13 +250,6 @@ def test_agents_first_heard_in_flight_sight_targets_at_once() -> None:
     found = detections((100, corners(FLAT, *in_map(*along(0.05)))), taken=0.05, arrived=0.1)
     seen = made.locate(heard(0.1, *along(0.1), detections=found)).sightings
     assert seen.position[0] == pytest.approx(FLAT.position, abs=2e-3)
-
-
-def test_corners_that_are_no_numbers_are_excluded() -> None:
-    made = flow(room())
-    made.locate(heard(0.0, *along(0.0)))
-    found = detections((100, np.full((4, 2), np.nan)), taken=0.0, arrived=0.1)
-    assert not len(made.locate(heard(0.1, *along(0.1), detections=found)).sightings.tag)
 
 
 def test_a_warning_that_images_are_not_processed_is_logged_once(

@@ -125,17 +125,22 @@ def test_the_way_is_one_in_the_body_of_the_first_image() -> None:
     assert shift(first, second, track(0.3 + 0j)) == pytest.approx(0.03, abs=0.001)
 
 
-def test_a_floor_without_texture_gives_no_motion() -> None:
-    first, second = picture(stains=0.0, key=1), picture(stains=0.0, key=2)
-    assert shift(first, second, track(0.3 + 0j)) is None
-
-
-def test_what_moves_along_is_not_taken_for_the_floor() -> None:
-    assert shift(picture(key=1), picture(key=2), track(1.0 + 0j)) is None
-
-
-def test_another_floor_than_before_gives_no_motion() -> None:
-    assert shift(picture(key=1), picture(1.5 + 1j, key=2), track()) is None
+@pytest.mark.parametrize(
+    ("way", "velocity", "options"),
+    [
+        (0j, 0.3, {"stains": 0.0}),
+        (0j, 1.0, {}),
+        (1.5 + 1j, 0.0, {}),
+        (0.01 + 0j, 0.1, {"height": 0.1}),
+    ],
+    ids=["no texture", "moves along", "another floor", "near the floor"],
+)
+def test_what_shows_no_motion_of_the_floor_gives_none(
+    way: complex, velocity: float, options: dict[str, float]
+) -> None:
+    first, second = picture(key=1, **options), picture(way, key=2, **options)  # type: ignore[arg-type]
+    odometry = track(complex(velocity), height=options.get("height", HEIGHT))
+    assert shift(first, second, odometry) is None
 
 
 def test_objects_on_the_floor_do_not_disturb_the_shift() -> None:
@@ -144,28 +149,17 @@ def test_objects_on_the_floor_do_not_disturb_the_shift() -> None:
     assert shift(first, second, track(0.3 + 0j)) == pytest.approx(0.03, abs=0.002)
 
 
-def test_near_the_floor_there_is_no_motion() -> None:
-    first, second = picture(height=0.1, key=1), picture(0.01 + 0j, height=0.1, key=2)
-    assert shift(first, second, track(0.1 + 0j, height=0.1)) is None
-
-
-def test_images_long_after_each_other_give_no_motion() -> None:
-    odometry = track()
-    floor = FloorOdometry(LENS)
-    measure(floor, picture(key=1), 0.5, odometry)
-    assert measure(floor, picture(key=2), 0.6 + MAX_INTERVAL, odometry) is None
-
-
-def test_an_image_newer_than_odometry_gives_no_motion() -> None:
-    odometry = track()
-    floor = FloorOdometry(LENS)
-    measure(floor, picture(key=1), 1.95, odometry)
-    assert measure(floor, picture(key=2), 2.05, odometry) is None
+@pytest.mark.parametrize(
+    "times", [(0.5, 0.6 + MAX_INTERVAL), (1.95, 2.05)], ids=["far apart", "newer than odometry"]
+)
+def test_images_at_other_times_give_no_motion(times: tuple[float, float]) -> None:
+    floor, odometry = FloorOdometry(LENS), track()
+    motions = [measure(floor, picture(key=k), time, odometry) for k, time in enumerate(times)]
+    assert motions == [None, None]
 
 
 def test_images_may_be_lost_in_between() -> None:
-    odometry = track(0.36 + 0.03j, 0.5)
-    floor = FloorOdometry(LENS)
+    floor, odometry = FloorOdometry(LENS), track(0.36 + 0.03j, 0.5)
     measure(floor, picture(key=1), 1.0, odometry)
     # On an arc of 0.3 m/s and 0.5 rad/s, after 0.4 s.
     way = 0.3 / 0.5 * complex(math.sin(0.2), 1 - math.cos(0.2))
@@ -175,8 +169,7 @@ def test_images_may_be_lost_in_between() -> None:
 
 
 def test_after_a_gap_the_next_two_images_give_the_motion() -> None:
-    odometry = track(0.3 + 0j)
-    floor = FloorOdometry(LENS)
+    floor, odometry = FloorOdometry(LENS), track(0.3 + 0j)
     measure(floor, picture(key=1), 0.1, odometry)
     measure(floor, picture(key=2), 1.5, odometry)
     motion = measure(floor, picture(0.03 + 0j, key=3), 1.6, odometry)

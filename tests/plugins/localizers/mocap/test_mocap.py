@@ -73,13 +73,19 @@ class Errors:
         return np.sqrt(np.array(self.covariance)[..., 0, 0])
 
 
-def flown(folder: Path, positioning: str) -> Errors:
+def written(folder: Path, positioning: str) -> Path:
+    """Write a mission, and return its path."""
     swarm = "\n".join(f"  cf{i}: {{start: [0, {2 * i}, 0]}}" for i in range(AGENTS))
     (folder / "hall.yaml").write_text(WORLD)
-    (folder / "rows.yaml").write_text(MISSION.format(swarm=swarm, positioning=positioning))
+    path = folder / "rows.yaml"
+    path.write_text(MISSION.format(swarm=swarm, positioning=positioning))
+    return path
+
+
+def flown(folder: Path, positioning: str) -> Errors:
     errors = Errors()
     registry = Registry(errors)
-    summary = fly(load(folder / "rows.yaml", registry), registry)
+    summary = fly(load(written(folder, positioning), registry), registry)
     assert summary["outcome"] == "completed", summary["reason"]
     return errors
 
@@ -154,16 +160,10 @@ def test_fixes_that_are_not_finite_are_ignored() -> None:
 
 
 def test_a_transport_without_positions_is_an_error(tmp_path: Path) -> None:
+    path = written(tmp_path, "")
+    path.write_text(path.read_text().replace("{use: sim, positioning: {}}", "sim"))
     with pytest.raises(InputError, match=r"rows.yaml:16:12: .*\[no-positioning\]"):
-        flown_without(tmp_path)
-
-
-def flown_without(folder: Path) -> None:
-    swarm = "\n".join(f"  cf{i}: {{start: [0, {2 * i}, 0]}}" for i in range(AGENTS))
-    (folder / "hall.yaml").write_text(WORLD)
-    text = MISSION.format(swarm=swarm, positioning="").replace("{use: sim, positioning: {}}", "sim")
-    (folder / "rows.yaml").write_text(text)
-    load(folder / "rows.yaml", Registry())
+        load(path, Registry())
 
 
 @pytest.mark.parametrize(

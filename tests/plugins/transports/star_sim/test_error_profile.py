@@ -80,26 +80,33 @@ def test_agent_errors_do_not_depend_on_the_number_of_agents() -> None:
     assert np.array_equal(few, many[:, :2])
 
 
+def biased(errors: dict[str, Any]) -> Flight:
+    """A drone with some errors that hovers, all its other sensors being exact."""
+    flight = Flight(noise=True, profile=EXACT)
+    for name, value in errors.items():
+        flight.simulator.drones[name] = value
+    flight.rise()
+    return flight
+
+
 def test_an_exact_imu_keeps_the_tilt_exact() -> None:
-    flight = hovering(noise=True, profile=EXACT)
+    flight = biased({})
     flight.fly(2.0, (0.5, 0.2, 0.0), yaw=1.0)
     assert np.abs(tilt_errors(flight)).max() < math.radians(0.3)
 
 
-@pytest.mark.parametrize(("axis", "row", "sign"), [(0, 1, -1), (1, 0, 1)])
-def test_accelerometer_bias_tilts_the_estimate(axis: int, row: int, sign: int) -> None:
-    flight = Flight(noise=True, profile=EXACT)
-    flight.simulator.drones["accelerometer_bias"][0, axis] = 0.2
-    flight.rise()
+@pytest.mark.parametrize(("bias", "row", "sign"), [((0.2, 0, 0), 1, -1), ((0, 0.2, 0), 0, 1)])
+def test_accelerometer_bias_tilts_the_estimate(
+    bias: tuple[float, ...], row: int, sign: int
+) -> None:
+    flight = biased({"accelerometer_bias": bias})
     flight.fly(4.0, (0.0, 0.0, 0.0))
     assert tilt_errors(flight)[0, row] == pytest.approx(sign * 0.2 / GRAVITY, abs=0.006)
     assert np.abs(flight.telemetry.velocity).max() < 0.1
 
 
 def test_wrong_tilt_estimates_do_not_change_the_velocity() -> None:
-    flight = Flight(noise=True, profile=EXACT)
-    flight.simulator.drones["accelerometer_bias"][0, 0] = 0.2
-    flight.rise()
+    flight = biased({"accelerometer_bias": (0.2, 0, 0)})
     flight.fly(6.0, (0.3, 0.0, 0.0))
     true = Rotation.from_quat(flight.simulator.truth().attitude).as_euler("ZYX")[0, 1]
     assert true == pytest.approx(0.0, abs=0.03)  # only drag is balanced
@@ -107,9 +114,7 @@ def test_wrong_tilt_estimates_do_not_change_the_velocity() -> None:
 
 
 def test_accelerometer_bias_offsets_the_vertical_velocity() -> None:
-    flight = Flight(noise=True, profile=EXACT)
-    flight.simulator.drones["accelerometer_bias"][0, 2] = 0.3
-    flight.rise()
+    flight = biased({"accelerometer_bias": (0, 0, 0.3)})
     before = flight.position[0, 2]
     flight.fly(5.0, (0.0, 0.0, 0.0))
     wrong = 0.3 * IMU_HEIGHT_GAIN / IMU_CLIMB_GAIN  # where the ranger's corrections balance it
@@ -117,9 +122,7 @@ def test_accelerometer_bias_offsets_the_vertical_velocity() -> None:
 
 
 def test_a_biased_ranger_shifts_the_height() -> None:
-    flight = Flight(noise=True, profile=EXACT)
-    flight.simulator.drones["ranger_bias"] = 0.03
-    flight.rise()
+    flight = biased({"ranger_bias": 0.03})
     assert flight.telemetry.position[0, 2] - flight.position[0, 2] == pytest.approx(0.03, abs=5e-3)
 
 
