@@ -18,12 +18,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-import star_straight
-import star_visibility
 from star_core import Array, Estimate, Fence, Goals, Limits, Obstacle, Plan, Planner, Scene, World
 from star_core.testing import estimate, scene
 from star_core.toolkit import fill_defaults
 from star_core.world.outlines import box, wall
+from tests.plugins.planners.inputs import VISIBILITY, goals, straight
+from tests.plugins.planners.inputs import visibility as planner
 from tests.sampling import share_of_examples
 
 N = 3
@@ -35,23 +35,6 @@ CLOSED = [(-1.5, -1.5), (-1.5, 1.5), (1.5, 1.5), (1.5, -1.5), (-1.5, -1.5)]
 
 def room(*obstacles: Obstacle, n: int = 1, **more: Any) -> Scene:
     return replace(scene(n), world=World("room", FENCE, obstacles), **more)
-
-
-def planner(room: Scene, **options: float) -> Any:
-    (offer,) = star_visibility.star_planners()
-    return offer.make(room, **fill_defaults(options, offer.options))
-
-
-def goals(position: Sequence[Sequence[float]] | Array, *, speed: float = 0.5, **more: Any) -> Goals:
-    n = len(position)
-    whole = Goals(
-        position=np.array(position, np.float64),
-        velocity=np.zeros((n, 3)),
-        yaw=np.zeros(n),
-        speed=np.full(n, speed),
-        active=np.ones(n, np.bool_),
-    )
-    return replace(whole, **more)
 
 
 def flown(
@@ -94,11 +77,10 @@ def test_in_an_empty_world_it_flies_as_straight_does(
 ) -> None:
     empty = room(n=N)
     there = there * [1, 1, 0.25] + [0, 0, 1]  # within the heights
-    (offer,) = star_straight.star_planners()
     now, wanted = estimate(here), goals(there, velocity=velocity, yaw=np.array([1.0, 2, 3]))
     one, other = (
         planner(empty).plan(now, wanted),
-        offer.make(empty, **fill_defaults({}, offer.options)).plan(now, wanted),
+        straight(empty).plan(now, wanted),
     )
     assert np.array_equal(one.setpoint.velocity, other.setpoint.velocity)
     assert np.array_equal(one.setpoint.yaw, other.setpoint.yaw)
@@ -404,9 +386,8 @@ def test_rows_without_a_goal_or_an_estimate_are_idle() -> None:
 
 
 def problems(given: Scene) -> list[str]:
-    (offer,) = star_visibility.star_planners()
-    assert offer.check is not None
-    return [problem.message for problem in offer.check(given)]
+    assert VISIBILITY.check is not None
+    return [problem.message for problem in VISIBILITY.check(given)]
 
 
 def test_the_check_finds_nothing_wrong_with_a_good_scene() -> None:
@@ -561,10 +542,9 @@ def test_agents_start_and_end_in_virtual_obstacles(start: Any, goal: Any) -> Non
     steps = list(flown(planner(space), space, np.array([start], float), goals([goal]), 12))
     assert math.dist(steps[-1][0][0], goal) < 0.05
     assert not steps[-1][1].unreachable.any()
-    (offer,) = star_visibility.star_planners()
-    options = fill_defaults({}, offer.options)
-    assert offer.check_goals is not None
-    assert not list(offer.check_goals(space, [goal], **options))
+    options = fill_defaults({}, VISIBILITY.options)
+    assert VISIBILITY.check_goals is not None
+    assert not list(VISIBILITY.check_goals(space, [goal], **options))
 
 
 def test_solid_obstacles_stay_solid_beside_virtual_ones() -> None:

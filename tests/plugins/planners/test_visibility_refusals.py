@@ -12,14 +12,16 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-import star_visibility
-from star_core import Agent, Array, Fence, Goals, Obstacle, Planner, Scene, World, load
+from star_core import Agent, Array, Fence, Goals, Obstacle, Scene, World, load
 from star_core import fly as fly_mission
 from star_core.plugin_support.registry import Registry
 from star_core.testing import estimate, scene
 from star_core.toolkit import fill_defaults
 from star_core.world.outlines import box
 from star_core.world.world import CONTACT_RADIUS
+from tests.plugins.planners import inputs
+from tests.plugins.planners.inputs import VISIBILITY
+from tests.plugins.planners.inputs import visibility as planner
 from tests.sampling import share_of_examples
 
 CLEARANCE = 0.2
@@ -56,23 +58,17 @@ def room(*starts: tuple[float, float, float], obstacles: Sequence[Obstacle] = (W
     return replace(scene(1), agents=agents, world=World("room", FENCE, tuple(obstacles)))
 
 
-def planner(room: Scene, **options: float) -> Planner:
-    (offer,) = star_visibility.star_planners()
-    return offer.make(room, **fill_defaults(options, offer.options))
-
-
 def refused(room: Scene, goal: Sequence[float], **options: float) -> str:
     """Why the mission's check refuses a goal; empty if it does not."""
-    (offer,) = star_visibility.star_planners()
-    assert offer.check_goals is not None
-    filled = fill_defaults(options, offer.options)
-    return "".join(problem.message for problem in offer.check_goals(room, [tuple(goal)], **filled))
+    assert VISIBILITY.check_goals is not None
+    filled = fill_defaults(options, VISIBILITY.options)
+    return "".join(
+        problem.message for problem in VISIBILITY.check_goals(room, [tuple(goal)], **filled)
+    )
 
 
 def goals(*position: Array | Sequence[float]) -> Goals:
-    n = len(position)
-    zero = np.zeros(n)
-    return Goals(np.array(position), np.zeros((n, 3)), zero, zero + 0.5, np.ones(n, np.bool_))
+    return inputs.goals(np.array(position))
 
 
 class Flown:

@@ -12,11 +12,12 @@ import pytest
 import shapely
 from scipy.sparse.csgraph import shortest_path
 
-from star_core import Array, Fence, Obstacle, Scene, World
+from star_core import Fence, Obstacle, Scene, World
 from star_core.testing import scene
 from star_core.toolkit import footprint
 from star_core.world.outlines import box, wall
 from star_visibility.routes import Routes
+from tests.plugins.planners.test_visibility_heights import found, length
 
 Corner: TypeAlias = tuple[float, float]
 
@@ -43,18 +44,6 @@ def barrier(line: Sequence[Corner], height: tuple[float, float] = (0.0, 3.0)) ->
 
 def routes(*obstacles: Obstacle) -> Routes:
     return Routes(room(*obstacles), clearance=CLEARANCE, vertical_clearance=0.2, margin=MARGIN)
-
-
-def found(routes: Routes, start: Sequence[float], goal: Sequence[float]) -> Array:
-    """The points of a path, with its start."""
-    here = np.array(start, np.float64)
-    way = routes.route(here, np.array(goal, np.float64))
-    assert not isinstance(way, str), way
-    return np.vstack([here, way])
-
-
-def length(way: Array) -> float:
-    return float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum())
 
 
 def brute_force(obstacles: Sequence[Obstacle], start: Corner, goal: Corner) -> float:

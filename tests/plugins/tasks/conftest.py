@@ -18,13 +18,12 @@ from star_core import (
     Health,
     Mask,
     Order,
-    Rows,
     Scene,
     Status,
     Task,
     TaskOutput,
 )
-from star_core.testing import estimate, health
+from star_core.testing import PointMasses
 from star_core.toolkit import fill_defaults
 from star_straight import star_planners
 from star_verbs.specs import SPECS
@@ -60,59 +59,18 @@ class Flown:
         return self.position[-1]
 
 
-class Swarm:
-    """Point masses that fly what the straight planner and the commands request."""
-
-    def __init__(self, scene: Scene, position: Array, phase: AgentPhase) -> None:
-        n = len(scene.agents)
-        self.scene = scene
-        self.planner = STRAIGHT.make(scene, **fill_defaults({}, STRAIGHT.options))
-        self.position = np.array(position, np.float64)
-        self.velocity = np.zeros((n, 3))
-        self.yaw = np.zeros(n)
-        self.phase: Rows = np.full(n, int(phase))
-        self.ready = np.full(n, np.inf)  # time at which each commander has finished
-        self.height = np.zeros(n)
-
-    def seen(self, time: float, located: Mask) -> Estimate:
-        """The estimate, NaN for whom is not located."""
-        valid = located & np.ones(len(self.phase), np.bool_)
-        gone = np.where(valid, 0.0, np.nan)
-        whole = estimate(self.position, velocity=self.velocity, time=time)
-        return replace(
-            whole,
-            position=self.position + gone[:, None],
-            velocity=self.velocity + gone[:, None],
-            yaw=self.yaw + gone,
-            valid=valid,
-        )
-
-    def health(self) -> Health:
-        return replace(health(len(self.phase)), phase=self.phase)
-
-    def obey(self, command: Command, time: float) -> None:
-        if command.order is Order.FOLLOW:
-            return  # its goals move along what it flies
-        climbing = command.order is Order.TAKEOFF
-        self.phase[command.agent] = AgentPhase.TAKING_OFF if climbing else AgentPhase.LANDING
-        self.height[command.agent] = command.position[:, 2]
-        self.ready[command.agent] = time + command.duration
-
-    def move(self, now: Estimate, goals: Goals | None, stuck: Mask) -> None:
-        flying = self.phase == AgentPhase.FLYING
-        done = self.ready <= now.time
-        self.position[done, 2] = self.height[done]
-        up = done & (self.phase == AgentPhase.TAKING_OFF)
-        self.phase[done] = AgentPhase.LANDED
-        self.phase[up] = AgentPhase.FLYING
-        self.ready[done] = np.inf
-        if goals is None:
-            return
-        flown = self.planner.plan(now, goals).setpoint
-        fly = flown.active & flying & ~stuck
-        self.velocity = np.where(fly[:, None], flown.velocity, 0.0)
-        self.yaw = np.where(fly, flown.yaw, self.yaw)
-        self.position = self.position + self.scene.period * self.velocity
+def seen(swarm: PointMasses, located: Mask) -> Estimate:
+    """Return the estimate; NaN for agents that are not located."""
+    whole = swarm.estimate()
+    valid = located & np.ones(len(swarm.phase), np.bool_)
+    gone = np.where(valid, 0.0, np.nan)
+    return replace(
+        whole,
+        position=whole.position + gone[:, None],
+        velocity=whole.velocity + gone[:, None],
+        yaw=whole.yaw + gone,
+        valid=valid,
+    )
 
 
 def fly_task(
@@ -125,13 +83,17 @@ def fly_task(
     stuck: Callable[[float], Mask] = lambda _time: np.zeros(1, np.bool_),
     longest: float = 120.0,
 ) -> Flown:
-    """Fly a task until it is over, or for `longest` seconds."""
-    swarm = Swarm(scene, start, phase)
-    flown = Flown(limit=task.begin(swarm.seen(0.0, located(0.0)), swarm.health()))
-    goals: Goals | None = None
+    """Fly a task until it is over, or for `longest` seconds.
+
+    Trajectories are not flown on board: planners lead agents along them.
+    """
+    planner = STRAIGHT.make(scene, **fill_defaults({}, STRAIGHT.options))
+    swarm = PointMasses(start, phase=phase)
+    flown = Flown(limit=task.begin(seen(swarm, located(0.0)), swarm.health()))
+    goals = Goals.none(len(scene.agents))
     for tick in range(round(longest / scene.period)):
         flown.time = tick * scene.period
-        now = swarm.seen(flown.time, located(flown.time))
+        now = seen(swarm, located(flown.time))
         flown.position.append(swarm.position.copy())
         flown.yaw.append(swarm.yaw.copy())
         step = task.step(now, swarm.health())
@@ -142,8 +104,12 @@ def fly_task(
         if step.status is not Status.RUNNING:
             break
         for command in step.commands:
-            swarm.obey(command, flown.time)
-        swarm.move(now, goals, stuck(flown.time))
+            if command.order is not Order.FOLLOW:
+                swarm.command(command)
+        planned = planner.plan(now, goals).setpoint
+        fly = planned.active & swarm.steered() & ~stuck(flown.time)
+        swarm.send(replace(planned, active=fly))
+        swarm.wait((tick + 1) * scene.period)
     return flown
 
 
