@@ -138,14 +138,11 @@ class StepBuilder:
         rows, named = self._rows(options, at, groups, is_known=is_known)
         is_known = is_known and named
         if verb == "each":
-            return self._each(content, path, rows if is_known else ())
+            return self._for_each(content.get("steps"), (*at, "steps"), rows if is_known else ())
         action = self._action(verb, options, path, rows)
         if verb == JOIN and "agents" not in options and "each" not in path:
             self._report(at, f"{verb}: missing option 'agents'", "missing-option")
         return action if is_known else replace(action, known=False)
-
-    def _each(self, content: Mapping[str, Any], path: Location, rows: tuple[int, ...]) -> Node:
-        return self._for_each(content.get("steps"), (*path, "each", "steps"), rows)
 
     def _for_each(self, steps: Any, path: Location, rows: tuple[int, ...]) -> Node:
         """Return the same steps for each of some agents."""
