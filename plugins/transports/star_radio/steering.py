@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
-from typing import Final, Protocol
+from typing import Final
 
 import numpy as np
 
@@ -39,22 +39,6 @@ def yaw_rate(target: Array, yaw: Array) -> Array:
     return np.where(np.isnan(rate), 0.0, rate)
 
 
-class Steering(Protocol):
-    """Packs the setpoints of a swarm."""
-
-    def packets(
-        self, setpoint: Setpoint, reported: Array, versions: Sequence[int]
-    ) -> dict[int, bytes]:
-        """Return a packet for each active row, by row.
-
-        Args:
-            setpoint: Velocities and headings in odometry frames, finite where active.
-            reported: (N, 13) newest reports: columns of `star_radio.report`.
-            versions: Protocol version of each drone.
-        """
-        ...
-
-
 class Velocities:
     """Sends each drone a velocity and a yaw rate that turns it to its heading.
 
@@ -68,6 +52,13 @@ class Velocities:
     def packets(
         self, setpoint: Setpoint, reported: Array, versions: Sequence[int]
     ) -> dict[int, bytes]:
+        """Return a packet for each active row, by row.
+
+        Args:
+            setpoint: Velocities and headings in odometry frames, finite where active.
+            reported: (N, 13) newest reports: columns of `star_radio.report`.
+            versions: Protocol version of each drone.
+        """
         rates = _with_rate(yaw_rate(setpoint.yaw, reported[:, report.YAW]), setpoint).tolist()
         velocities = self._lead.velocity(setpoint).tolist()
         return {
@@ -109,6 +100,7 @@ class WholeStates:
     def packets(
         self, setpoint: Setpoint, reported: Array, versions: Sequence[int]
     ) -> dict[int, bytes]:
+        """Return a packet for each active row, by row, from what `Velocities.packets` takes."""
         rates = _with_rate(self._advance(setpoint, reported), setpoint)
         packed = self._velocities.packets(setpoint, reported, versions)
         fits = np.isfinite(self._yaw) & (abs(self._position) <= MAX_COORDINATE).all(axis=1)

@@ -40,7 +40,7 @@ from star_radio.inspection import Equipment
 from star_radio.landings import Landings
 from star_radio.options import RadioOptions
 from star_radio.sensors import Sensors, connecting
-from star_radio.steering import Steering, Velocities, WholeStates
+from star_radio.steering import Velocities, WholeStates
 from star_radio.takeoffs import Climb, Takeoffs
 from star_radio.telemetry import TelemetryBuffer
 from star_radio.trajectories import (
@@ -113,7 +113,7 @@ class Radio:
         self._broadcasts: BroadcastCommands | None = None
         if options.broadcast is not None:
             self._broadcasts = BroadcastCommands(scene, options.broadcast)
-        self._steering: Steering = Velocities(len(uris), scene.period)
+        self._steering: Velocities | WholeStates = Velocities(len(uris), scene.period)
         if options.setpoints == "full-state":
             self._steering = WholeStates(len(uris), scene.period)
         self._udp_links = udp_links.UdpLinks() if options.udp == "sockets" else None

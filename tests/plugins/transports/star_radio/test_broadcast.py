@@ -6,7 +6,8 @@ import math
 import struct
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Iterator
+from contextlib import closing
 from types import ModuleType
 from typing import TypeAlias
 
@@ -23,6 +24,8 @@ from star_radio.orders import POSES, pose_entry
 from star_radio.transport import Radio
 from tests.plugins.transports.star_radio.conftest import command, options, reached
 from tests.waiting import eventually
+
+Log: TypeAlias = list[tuple[str, str]]
 
 
 class Dongle:
@@ -52,8 +55,11 @@ class Dongle:
         self.sent.append(bytes(data))
 
 
+Dongles: TypeAlias = list[Dongle]
+
+
 @pytest.fixture
-def dongles(monkeypatch: pytest.MonkeyPatch) -> list[Dongle]:
+def dongles(monkeypatch: pytest.MonkeyPatch) -> Dongles:
     found = [Dongle(), Dongle()]
     core, util, package = ModuleType("usb.core"), ModuleType("usb.util"), ModuleType("libusb")
     vars(core)["find"] = lambda **_what: found
@@ -64,11 +70,19 @@ def dongles(monkeypatch: pytest.MonkeyPatch) -> list[Dongle]:
     return found
 
 
+@pytest.fixture
+def broadcaster(dongles: Dongles) -> Iterator[Broadcaster]:
+    """Of the second dongle, on one channel."""
+    assert dongles
+    with closing(Broadcaster(1, AIRED)) as broadcaster:
+        yield broadcaster
+
+
 def settled(dongle: Dongle, n: int) -> bool:
     return eventually(lambda: len(dongle.sent) == n)
 
 
-def test_a_packet_is_repeated_on_every_channel(dongles: list[Dongle]) -> None:
+def test_a_packet_is_repeated_on_every_channel(dongles: Dongles) -> None:
     uris = [f"radio://0/{channel}/{rate}" for channel, rate in ((80, "2M"), (90, "250K"))]
     on = [address for uri in uris if (address := RadioAddress.of(uri))]
     radio = Broadcaster(1, on)
@@ -86,38 +100,34 @@ def test_a_packet_is_repeated_on_every_channel(dongles: list[Dongle]) -> None:
     assert dongles[0].sent == []
 
 
-def test_an_order_that_is_void_is_sent_no_more(dongles: list[Dongle]) -> None:
-    radio = Broadcaster(1, AIRED)
+def test_an_order_that_is_void_is_sent_no_more(dongles: Dongles, broadcaster: Broadcaster) -> None:
     dongles[1].go.clear()
     for packet, rows in ((b"a", {0, 1}), (b"b", {2}), (b"c", {1, 3})):
-        assert radio.order(packet, rows)
-    radio.void({1})
+        assert broadcaster.order(packet, rows)
+    broadcaster.void({1})
     dongles[1].go.set()
-    radio.wait()
+    broadcaster.wait()
     sent = b"".join(dongles[1].sent)
     assert sent.removeprefix(b"a") == b"b" * REPEATS  # one may have been on its way
-    radio.close()
 
 
-def test_an_order_that_many_wait_before_is_left_to_the_links(dongles: list[Dongle]) -> None:
-    radio = Broadcaster(1, AIRED)
+def test_an_order_that_many_wait_before_is_left_to_the_links(
+    dongles: Dongles, broadcaster: Broadcaster
+) -> None:
     dongles[1].go.clear()
-    taken = [radio.order(b"a") for _ in range(20)].count(True)
+    taken = [broadcaster.order(b"a") for _ in range(20)].count(True)
     assert 0.1 <= taken * REPEATS * 0.001 < 0.1 + REPEATS * 0.001  # s that they take
     dongles[1].go.set()
-    radio.wait()
-    assert radio.order(b"a")
-    radio.close()
+    broadcaster.wait()
+    assert broadcaster.order(b"a")
 
 
-def test_waiting_for_a_dongle_that_fails_ends(dongles: list[Dongle]) -> None:
-    radio = Broadcaster(1, AIRED)
+def test_waiting_for_a_dongle_that_fails_ends(dongles: Dongles, broadcaster: Broadcaster) -> None:
     dongles[1].error = OSError("pipe error")
-    assert radio.order(b"a")
-    radio.wait()
-    assert radio.broken
-    assert not radio.order(b"a")
-    radio.close()
+    assert broadcaster.order(b"a")
+    broadcaster.wait()
+    assert broadcaster.broken
+    assert not broadcaster.order(b"a")
 
 
 @pytest.mark.usefixtures("dongles")
@@ -136,21 +146,20 @@ def corrections(n: int, *, attitude_std: float = 0.05, away: float = 1.0) -> Cor
     return Corrections(np.arange(n), at, turn, np.full(n, 0.05), np.full(n, attitude_std))
 
 
-def test_corrections_of_radios_are_broadcast_once(dongles: list[Dongle]) -> None:
+def test_corrections_of_radios_are_broadcast_once(dongles: Dongles) -> None:
     broadcasts = BroadcastCommands(reached(AIR), 1)
     assert tuple(broadcasts.correct(corrections(3))) == (0, 2)
     broadcasts.close()
     assert b"".join(packet[2::11] for packet in dongles[1].sent) == b"\1\2"
 
 
-def test_two_poses_go_into_one_packet(dongles: list[Dongle]) -> None:
-    radio = Broadcaster(1, AIRED)
+def test_two_poses_go_into_one_packet(dongles: Dongles, broadcaster: Broadcaster) -> None:
     dongles[1].go.clear()
-    radio.order(orders.stop())  # holds up what comes after it
+    broadcaster.order(orders.stop())  # holds up what comes after it
     for last in (1, 2, 3):
-        radio.show(POSES, last, pose_entry(last, [1.0, 2.0, 3.0], [0.0, 0.0, 0.0, 1.0]))
+        broadcaster.show(POSES, last, pose_entry(last, [1.0, 2.0, 3.0], [0.0, 0.0, 0.0, 1.0]))
     dongles[1].go.set()
-    radio.close()
+    broadcaster.close()
     first, second = dongles[1].sent[REPEATS:]
     assert first[0] & 0xF3 == 6 << 4 | 1
     one = struct.pack("<BhhhI", 1, 1000, 2000, 3000, 0xC0000000)
@@ -158,7 +167,7 @@ def test_two_poses_go_into_one_packet(dongles: list[Dongle]) -> None:
     assert second[1:] == b"\x09\3" + one[1:]
 
 
-def test_four_positions_go_into_one_packet(dongles: list[Dongle]) -> None:
+def test_four_positions_go_into_one_packet(dongles: Dongles) -> None:
     broadcasts = BroadcastCommands(
         reached([f"radio://0/80/2M/E7E7E7E7{i:02}" for i in range(1, 7)]), 1
     )
@@ -174,27 +183,28 @@ def test_four_positions_go_into_one_packet(dongles: list[Dongle]) -> None:
     assert second[1:] == b"".join(each[4:])
 
 
-def test_agents_beyond_millimetre_range_are_not_broadcast(dongles: list[Dongle]) -> None:
+def test_agents_beyond_millimetre_range_are_not_broadcast(dongles: Dongles) -> None:
     broadcasts = BroadcastCommands(reached(AIR), 1)
     assert tuple(broadcasts.correct(corrections(3, attitude_std=math.inf, away=33.0))) == ()
     broadcasts.close()
     assert dongles[1].sent == []
 
 
-def test_late_dongles_send_the_newest_pose_of_each_drone(dongles: list[Dongle]) -> None:
-    radio = Broadcaster(1, AIRED)
+def test_late_dongles_send_the_newest_pose_of_each_drone(
+    dongles: Dongles, broadcaster: Broadcaster
+) -> None:
     dongles[1].go.clear()
-    radio.order(orders.stop())
+    broadcaster.order(orders.stop())
     for i in range(1000):
-        radio.show(POSES, 1, pose_entry(1, [i / 1000, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]))
+        broadcaster.show(POSES, 1, pose_entry(1, [i / 1000, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]))
     dongles[1].go.set()
-    radio.close()
+    broadcaster.close()
     [sent] = dongles[1].sent[REPEATS:]
     assert struct.unpack_from("<Bh", sent, 2) == (1, 999)
 
 
 def test_a_dongle_that_fails_leaves_everything_to_the_links(
-    dongles: list[Dongle], caplog: pytest.LogCaptureFixture
+    dongles: Dongles, caplog: pytest.LogCaptureFixture
 ) -> None:
     broadcasts = BroadcastCommands(reached(AIR), 1)
     dongles[1].error = OSError("pipe error")
@@ -220,7 +230,7 @@ def test_a_dongle_that_may_not_be_used_is_named(monkeypatch: pytest.MonkeyPatch)
 class LinkDriver:
     """What carries packets to one drone: it writes them down, by their first byte's port."""
 
-    def __init__(self, name: str, log: list[tuple[str, str]]) -> None:
+    def __init__(self, name: str, log: Log) -> None:
         self._name, self._log = name, log
 
     def send(self, packet: bytes) -> None:
@@ -243,49 +253,42 @@ WHAT = {
 
 
 @pytest.fixture
-def said(monkeypatch: pytest.MonkeyPatch) -> Callable[[], tuple[Radio, list[tuple[str, str]]]]:
-    """Make a connected radio that broadcasts, and its packets and their receivers, in order."""
-
-    def make() -> tuple[Radio, list[tuple[str, str]]]:
-        log: list[tuple[str, str]] = []
-        all_drones = LinkDriver("all", log)
-
-        def order(_self: Broadcaster, packet: bytes, _rows: object) -> bool:
-            all_drones.send(packet)
-            return True
-
-        monkeypatch.setattr(Broadcaster, "order", order)
-        monkeypatch.setattr(Broadcaster, "show", lambda *_pose: all_drones.send(b"\x61"))
-        radio = star_radio.make(
-            reached([AIR[0], AIR[2]]), **options(broadcast=1, landing_timeout=0.0)
-        )
-        assert isinstance(radio, Radio)
-        radio.connected[:] = True
-        for vehicle in radio.vehicles:
-            vehicle.version = 12
-            vehicle.link._driver = LinkDriver(vehicle.name, log)
-            vehicle.parameters = {
-                "locSrv.extPosStdDev": Entry(1, 6), "locSrv.extQuatStdDev": Entry(2, 6)
-            }  # fmt: skip
-        return radio, log
-
-    return make
+def log() -> Log:
+    """The packets of `radio` and their receivers, in order."""
+    return []
 
 
-Said: TypeAlias = Callable[[], tuple[Radio, list[tuple[str, str]]]]
+@pytest.fixture
+def radio(dongles: Dongles, log: Log, monkeypatch: pytest.MonkeyPatch) -> Iterator[Radio]:
+    """A connected radio that broadcasts."""
+    assert dongles
+    all_drones = LinkDriver("all", log)
+
+    def order(_self: Broadcaster, packet: bytes, _rows: object) -> bool:
+        all_drones.send(packet)
+        return True
+
+    monkeypatch.setattr(Broadcaster, "order", order)
+    monkeypatch.setattr(Broadcaster, "show", lambda *_pose: all_drones.send(b"\x61"))
+    radio = star_radio.make(reached([AIR[0], AIR[2]]), **options(broadcast=1, landing_timeout=0.0))
+    assert isinstance(radio, Radio)
+    radio.connected[:] = True
+    for vehicle in radio.vehicles:
+        vehicle.version = 12
+        vehicle.link._driver = LinkDriver(vehicle.name, log)
+        vehicle.parameters = {
+            "locSrv.extPosStdDev": Entry(1, 6), "locSrv.extQuatStdDev": Entry(2, 6)
+        }  # fmt: skip
+    with closing(radio):
+        yield radio
 
 
-@pytest.mark.usefixtures("dongles")
-def test_drones_are_armed_before_a_take_off_is_broadcast(said: Said) -> None:
-    radio, log = said()
+def test_drones_are_armed_before_a_take_off_is_broadcast(radio: Radio, log: Log) -> None:
     radio.command(command(Order.TAKEOFF, [0, 1]))
     assert log == [("cf1", "arm"), ("cf2", "arm"), ("all", "order")]
-    radio.close()
 
 
-@pytest.mark.usefixtures("dongles")
-def test_an_order_goes_to_each_while_setpoints_fly_one_of_them(said: Said) -> None:
-    radio, log = said()
+def test_an_order_goes_to_each_while_setpoints_fly_one_of_them(radio: Radio, log: Log) -> None:
     radio.send(Setpoint(np.zeros((2, 3)), np.zeros(2), np.array([False, True])))
     radio.command(command(Order.LAND, [0, 1]))
     assert log == [("cf2", "setpoint"), ("cf1", "order")]
@@ -295,43 +298,30 @@ def test_an_order_goes_to_each_while_setpoints_fly_one_of_them(said: Said) -> No
     assert ("cf2", "order") in log
     radio.command(command(Order.LAND, [0, 1]))
     assert log[-1] == ("all", "order")
-    radio.close()
 
 
-@pytest.mark.usefixtures("dongles")
-def test_a_stop_is_broadcast_to_agents_that_setpoints_fly_too(said: Said) -> None:
-    radio, log = said()
+def test_a_stop_is_broadcast_to_agents_that_setpoints_fly_too(radio: Radio, log: Log) -> None:
     radio.send(Setpoint(np.zeros((2, 3)), np.zeros(2), np.ones(2, np.bool_)))
     radio.command(command(Order.STOP, [0, 1]))
     assert log[2:] == [("all", "order"), ("cf1", "let go"), ("cf2", "let go")]
-    radio.close()
 
 
-@pytest.mark.usefixtures("dongles")
-def test_deviations_are_sent_before_poses_are_broadcast(said: Said) -> None:
-    radio, log = said()
+def test_deviations_are_sent_before_poses_are_broadcast(radio: Radio, log: Log) -> None:
     radio.correct(corrections(2))
     assert log == [
         *[("cf1", "deviation")] * 2, *[("cf2", "deviation")] * 2, *[("all", "pose")] * 2,
     ]  # fmt: skip
-    radio.close()
 
 
-@pytest.mark.usefixtures("dongles")
-def test_with_positions_alone_no_deviation_of_attitudes_is_sent(said: Said) -> None:
-    radio, log = said()
+def test_with_positions_alone_no_deviation_of_attitudes_is_sent(radio: Radio, log: Log) -> None:
     radio.correct(corrections(2, attitude_std=math.inf))
     assert log == [("cf1", "deviation"), ("cf2", "deviation"), *[("all", "pose")] * 2]
-    radio.close()
 
 
-@pytest.mark.usefixtures("dongles")
-def test_a_broadcast_take_off_is_confirmed_by_any_of_its_answers(said: Said) -> None:
-    radio, _log = said()
+def test_a_broadcast_take_off_is_confirmed_by_any_of_its_answers(radio: Radio) -> None:
     radio.command(command(Order.TAKEOFF, [0, 1]))
     radio.vehicles[0].link.hear(b"\x80\7\0\0\1", 0.0)  # a repetition: the plan is in the way
     assert radio.vehicles[0].retry(0.0) == []
-    radio.close()
 
 
 @pytest.mark.usefixtures("dongles")

@@ -170,34 +170,25 @@ def test_a_refusal_is_reported(drone: Peer, connect: Open) -> None:
 
 
 @pytest.mark.usefixtures("soon")
-def test_agents_reporting_to_be_under_way_get_no_new_command(
-    drone: Peer, connect: Open, caplog: pytest.LogCaptureFixture
+@pytest.mark.parametrize(("lost", "reports"), [(100, True), (3, False)])
+def test_a_drone_is_commanded_again_until_it_reports_to_be_under_way(
+    drone: Peer, connect: Open, caplog: pytest.LogCaptureFixture, *, lost: int, reports: bool
 ) -> None:
     drone.values["supervisor.info"] = FINISHED
     radio = connect([drone])
     radio.upload((trajectory(),))
     ticks(radio, 2)
-    drone.lose[b"\x80"] = 100
+    drone.lose[b"\x80"] = lost
     radio.command(told(trajectory()))
     ticks(radio, 2)
-    drone.values["supervisor.info"] = ACTIVE
-    ticks(radio, 4)
-    said = len(begins(drone))
+    if reports:
+        drone.values["supervisor.info"] = ACTIVE
+    ticks(radio, 5)
+    count = len(begins(drone))
+    assert reports or count == lost + 1
     ticks(radio, 10)
-    assert len(begins(drone)) == said
+    assert len(begins(drone)) == count
     assert caplog.text == ""
-
-
-@pytest.mark.usefixtures("soon")
-def test_one_that_does_not_report_so_is_commanded_again(drone: Peer, connect: Open) -> None:
-    drone.values["supervisor.info"] = FINISHED
-    radio = connect([drone])
-    radio.upload((trajectory(),))
-    ticks(radio, 2)
-    drone.lose[b"\x80"] = 3
-    radio.command(told(trajectory()))
-    ticks(radio, 6)
-    assert len(begins(drone)) == 4
 
 
 @pytest.mark.usefixtures("soon")
