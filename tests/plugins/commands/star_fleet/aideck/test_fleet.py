@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +11,7 @@ import numpy as np
 import pytest
 
 from star_core import Agent, Camera, Fence, Image, Scene, World
-from star_fleet.aideck import CrtpOverTcp, Wifi
+from star_fleet.aideck import Wifi
 from star_fleet.server import Fleet
 from star_radio.camera.ai_decks import CameraClient
 from star_sim.camera_sim.options import camera_options
@@ -49,13 +48,16 @@ def test_cflib_connects_over_tcp(fleet: Fleet, tmp_path: Path) -> None:
     crazyflie: Any = pytest.importorskip("cflib.crazyflie")
     crtp = pytest.importorskip("cflib.crtp")
     crtp.init_drivers()
-    with CrtpOverTcp("127.0.0.1", 0, partial(fleet.handle, 0)) as link:
-        fleet.listen(0, link.push)
+    wifi = Wifi(fleet, scene(), "127.0.0.1", links=0, cameras=None)
+    with contextlib.closing(wifi):
         cf = crazyflie.Crazyflie(rw_cache=str(tmp_path))
         connected: list[str] = []
+        console: list[str] = []
         cf.fully_connected.add_callback(connected.append)
-        cf.open_link("tcp://{}:{}".format(*link.address))
+        cf.console.receivedChar.add_callback(console.append)
+        cf.open_link(wifi.links[0])
         assert eventually(lambda: connected, within=30.0)
+        assert eventually(lambda: "up and running" in "".join(console))  # is not asked for
         router = cf.link.cpx._router
         cf.close_link()
         router.join(5)
