@@ -19,10 +19,7 @@ def command_line(description: str | None, **numbers: float) -> argparse.Argument
 
 
 def show(
-    figures: Mapping[str, Any],
-    *,
-    as_json: bool,
-    goals: Mapping[str, float] = MappingProxyType({}),
+    figures: Mapping[str, Any], *, as_json: bool, goals: Mapping[str, float] = MappingProxyType({})
 ) -> None:
     """Print figures as one JSON object, or as a table with the goals of some of them."""
     if as_json:

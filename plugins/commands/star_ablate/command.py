@@ -18,7 +18,6 @@ from star_ablate.dry_run import describe
 from star_ablate.flight import Result
 from star_ablate.journal import JOURNAL, Journal, StudyProgress, entries
 from star_ablate.reading import read
-from star_ablate.results import study_results
 from star_ablate.shards import ABOUT, Shard, merged, require_shard, shard
 from star_ablate.study import Run, Study
 from star_ablate.workers import Engine, Processes
@@ -112,10 +111,7 @@ def configure(line: argparse.ArgumentParser) -> None:
     line.description = "Fly missions x levels x seeds, and tabulate the measures."
     line.add_argument("study", help="study file (YAML)")
     line.add_argument(
-        "--workers",
-        type=positive_integer,
-        metavar="N",
-        help=f"parallel runs: {_cores()}",
+        "--workers", type=positive_integer, metavar="N", help=f"parallel runs: {_cores()}"
     )
     line.add_argument("--seeds", type=positive_integer, metavar="N", help="number of seeds")
     line.add_argument(
@@ -224,7 +220,7 @@ def _write_results(
     study: Study, folder: Path, done: Sequence[tuple[Run, Result]], *, interrupted: bool
 ) -> StudyResults:
     """Write the table of the runs of a study, and return its results."""
-    flown = study_results(done, interrupted=interrupted)
+    flown = StudyResults(tuple(run.flown(result) for run, result in done), interrupted)
     replace_file(folder / "results.csv", flown.as_csv(study.factors, study.measures))
     replace_file(folder / "timings.csv", flown.timings(study.factors))
     return flown

@@ -188,10 +188,7 @@ def _settings(levels: Mapping[str, str], factors: Factors) -> dict[str, tuple[st
 
 
 def _load(
-    file: Path,
-    settings: Mapping[str, tuple[str, ...]],
-    registry: Registry,
-    document: SourceFile,
+    file: Path, settings: Mapping[str, tuple[str, ...]], registry: Registry, document: SourceFile
 ) -> Mission:
     """Load a mission with the assignments of its levels, whose problems are those of the study."""
     try:

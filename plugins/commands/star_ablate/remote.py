@@ -34,7 +34,7 @@ def _result(order: Order) -> Result:
     try:
         worker = _idle.get_nowait()
     except Empty:
-        worker = Worker(None, None)
+        worker = Worker(None)
     result = _flown(order, worker)
     if result.outcome == DIFFERS:  # perhaps since code has changed after the process loaded it
         worker.end()
@@ -44,7 +44,6 @@ def _result(order: Order) -> Result:
 
 
 def _flown(order: Order, worker: Worker) -> Result:
-    worker.limit(order.time_limit)
-    worker.begin(0, order)
+    worker.begin(0, order, order.time_limit)
     connection.wait([worker.connection], order.time_limit)
     return worker.finish()[1]

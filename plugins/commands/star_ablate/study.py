@@ -8,9 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from star_ablate.basis import digest
-from star_ablate.flight import Job
+from star_ablate.flight import Job, Result
 from star_core import Mission
 from star_core.formats import SourceFile
+from star_core.toolkit import StudyFlight
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +58,13 @@ class Run:
     def job(self, folder: Path | None = None) -> Job:
         """Return the run for a worker; `folder` is for its record."""
         return Job(self.mission(), folder, self.condition.assignments, self.condition.basis)
+
+    def flown(self, result: Result) -> StudyFlight:
+        """Return the run for the tables."""
+        file, levels = self.condition.file, self.condition.levels
+        return StudyFlight(
+            file, levels, self.seed, result.outcome, result.reason, result.wall_time, result.summary
+        )
 
 
 @dataclass(frozen=True, slots=True)

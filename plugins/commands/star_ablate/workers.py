@@ -90,10 +90,10 @@ class Processes:
         stopped: Callable[[], bool] = lambda: False,
     ) -> Generator[tuple[int, Result]]:
         waiting = iter(enumerate(jobs))
-        pool = [Worker(output, time_limit) for _ in range(min(self.size, len(jobs)))]
+        pool = [Worker(output) for _ in range(min(self.size, len(jobs)))]
         try:
             for worker in pool:
-                worker.begin(*next(waiting))
+                worker.begin(*next(waiting), time_limit)
             while busy := {worker.connection: worker for worker in pool if worker.busy}:
                 if stopped():
                     return
@@ -107,7 +107,7 @@ class Processes:
                         wrong = f"changed since the study began: {done[1].reason}; run it again"
                         raise StarError(wrong, "different-worker")
                     if (following := next(waiting, None)) is not None:
-                        worker.begin(*following)
+                        worker.begin(*following, time_limit)
                     yield done
         finally:
             for worker in pool:
@@ -124,28 +124,24 @@ class Worker:
 
     Args:
         output: File for its output; None for that of this process.
-        time_limit: Wall time limit of a job, s.
 
     Attributes:
         connection: Readable when a job is done or the process has ended.
         busy: Whether a job is running.
     """
 
-    def __init__(self, output: Path | None, time_limit: float | None) -> None:
+    def __init__(self, output: Path | None) -> None:
         self._output = "" if output is None else str(output)
-        self._limit = math.inf if time_limit is None else time_limit
+        self._limit = math.inf
         self._index = 0
         self._begun = 0.0
         self.busy = False
         self._process: subprocess.Popen[bytes] | None = None
         self._guard: subprocess.Popen[bytes] | None = None
 
-    def limit(self, seconds: float | None) -> None:
-        """Set the wall time limit of the next job."""
-        self._limit = math.inf if seconds is None else seconds
-
-    def begin(self, index: int, job: Job | Order) -> None:
-        """Start a job."""
+    def begin(self, index: int, job: Job | Order, time_limit: float | None = None) -> None:
+        """Start a job, with a limit of its wall time, s."""
+        self._limit = math.inf if time_limit is None else time_limit
         if self._process is None:
             self._start()
         try:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from star_core import Problem, deferred, hookimpl
 from star_core.commands import CommandSpec
@@ -13,57 +13,31 @@ if TYPE_CHECKING:
     from star_core import Registry
 
 
+COMMANDS: Final = (  # name, module, group and summary
+    ("run", "run", "Fly", "Fly a mission (= star-run)."),
+    ("stop", "stop_flights", "Fly", "Land all agents of the running flights."),
+    (
+        "check",
+        "check",
+        "Author",
+        "Check missions, worlds, studies and other files, without a flight.",
+    ),
+    ("missions", "missions", "Author", "List the missions that come with STAR."),
+    ("errors", "errors", "Author", "Explain the code of an error."),
+    ("schema", "schema", "Author", "Write a schema for an editor."),
+    ("plugins", "list_plugins", "Plugins", "List plugins, or describe one."),
+)
+SHOW_PLUGINS: Final = ("run", "schema")  # in their help, and take a registry for it
+
+
 @hookimpl
 def star_commands(registry: Registry) -> Iterator[CommandSpec]:
-    yield CommandSpec(
-        name="run",
-        summary="Fly a mission (= star-run).",
-        configure=partial(deferred("star_basics.run:configure"), registry),
-        run=deferred("star_basics.run:run"),
-        group="Fly",
-    )
-    yield CommandSpec(
-        name="stop",
-        summary="Land all agents of the running flights.",
-        configure=deferred("star_basics.stop_flights:configure"),
-        run=deferred("star_basics.stop_flights:run"),
-        group="Fly",
-    )
-    yield CommandSpec(
-        name="check",
-        summary="Check missions, worlds, studies and other files, without a flight.",
-        configure=deferred("star_basics.check:configure"),
-        run=deferred("star_basics.check:run"),
-        group="Author",
-    )
-    yield CommandSpec(
-        name="missions",
-        summary="List the missions that come with STAR.",
-        configure=lambda _line: None,
-        run=deferred("star_basics.missions:run"),
-        group="Author",
-    )
-    yield CommandSpec(
-        name="errors",
-        summary="Explain the code of an error.",
-        configure=deferred("star_basics.errors:configure"),
-        run=deferred("star_basics.errors:run"),
-        group="Author",
-    )
-    yield CommandSpec(
-        name="schema",
-        summary="Write a schema for an editor.",
-        configure=partial(deferred("star_basics.schema:configure"), registry),
-        run=deferred("star_basics.schema:run"),
-        group="Author",
-    )
-    yield CommandSpec(
-        name="plugins",
-        summary="List plugins, or describe one.",
-        configure=deferred("star_basics.list_plugins:configure"),
-        run=deferred("star_basics.list_plugins:run"),
-        group="Plugins",
-    )
+    for name, module, group, summary in COMMANDS:
+        configure = deferred(f"star_basics.{module}:configure")
+        if name in SHOW_PLUGINS:
+            configure = partial(configure, registry)
+        run = deferred(f"star_basics.{module}:run")
+        yield CommandSpec(name=name, summary=summary, configure=configure, run=run, group=group)
 
 
 @hookimpl

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from argparse import Namespace
+from argparse import ArgumentParser, Namespace
 from itertools import groupby
 
 from star_basics.columns import columns
 from star_core import Registry
 from star_core.formats import format_function
+
+
+def configure(_line: ArgumentParser) -> None:
+    """Add no options."""
 
 
 def run(_options: Namespace, registry: Registry) -> int:

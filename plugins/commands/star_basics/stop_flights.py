@@ -108,19 +108,13 @@ def _folders() -> tuple[list[Path], list[InputError]]:
     that calls sudo. On Linux all are found by the paths of the sockets themselves.
     """
     users = {os.getuid()}
-    with suppress(ValueError):
-        users |= (
-            {int(os.environ["SUDO_UID"])}
-            if os.getuid() == 0 and "SUDO_UID" in os.environ
-            else set()
-        )
+    if os.getuid() == 0:
+        with suppress(KeyError, ValueError):
+            users.add(int(os.environ["SUDO_UID"]))
     runtime = os.environ.get("XDG_RUNTIME_DIR")
     candidates = [Path(runtime) / FOLDER] if runtime else []
     for user in users:
-        candidates += [
-            SESSIONS / str(user) / FOLDER,
-            shared_folder(user),
-        ]
+        candidates += [SESSIONS / str(user) / FOLDER, shared_folder(user)]
     folders: list[Path] = []
     refused: list[InputError] = []
     for folder in dict.fromkeys([*candidates, *_bound()]):

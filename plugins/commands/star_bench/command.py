@@ -28,12 +28,7 @@ from star_bench.files import (
 from star_bench.scenarios import CATALOGUE, MAX_AGENTS, MIN_AGENTS, Case, checked_options, numbers
 from star_bench.table import Key, Metrics, as_csv, as_markdown, as_table, metrics, rows
 from star_core import InputError, PluginError, Registry
-from star_core.commands import (
-    output_folder,
-    positive_integer,
-    write_report,
-    writing,
-)
+from star_core.commands import output_folder, positive_integer, write_report, writing
 from star_core.toolkit import Progress, StudyFlight, StudyResults, print_table, suggestion
 
 FLOWN: Final = "flown"  # folder of the study's results

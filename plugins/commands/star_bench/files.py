@@ -19,10 +19,7 @@ IDEAL: Final = {"use": "sim", "noise": False, "profile": "ideal", "controller": 
 def _measured(transport: Mapping[str, Any], std: float) -> Mapping[str, Any]:
     """Return overrides for positions measured with a standard deviation, m."""
     positioning = {"std": std, "correlation_time": 1.0}
-    return {
-        "transport": {**transport, "positioning": positioning},
-        "localizer": {"use": "mocap"},
-    }
+    return {"transport": {**transport, "positioning": positioning}, "localizer": {"use": "mocap"}}
 
 
 SETTINGS: Final[Mapping[tuple[str, str], Mapping[str, Any]]] = {

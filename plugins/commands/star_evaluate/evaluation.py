@@ -89,11 +89,7 @@ class Compared(NamedTuple):
 
 
 def evaluate(
-    run: Run,
-    tracks: Mapping[str, Array],
-    *,
-    offset: float | None = 0.0,
-    align: Alignment = "none",
+    run: Run, tracks: Mapping[str, Array], *, offset: float | None = 0.0, align: Alignment = "none"
 ) -> Evaluation:
     """Return the errors of a flight.
 

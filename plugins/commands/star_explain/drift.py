@@ -77,21 +77,17 @@ def pair_problems(mission: Mission, flight: RehearsedFlight) -> Iterator[Problem
     """
     limits, scene = mission.scene.limits, mission.scene
     localizer = mission.plugins["localizer"]
-    time, position, airborne, std = flight
+    time, std = flight.time, flight.std
     base = kept_distance(mission)
     total, worst, where = 0.0, 0.0, ""
     for first, second in combinations(range(len(scene.agents)), 2):
-        offset = position[:, first] - position[:, second]
-        planned = np.hypot(offset[:, 0], offset[:, 1])
+        planned, passing, level = _encounter(flight, first, second, limits.vertical_separation)
         margin = limits.uncertainty_margin * (std[:, first] + std[:, second])
-        passing = np.linalg.norm(np.gradient(offset, PERIOD, axis=0), axis=1) > MIN_SPEED
         kept = base + np.where(passing, np.minimum(margin, MAX_MARGIN_RATIO * base), 0.0)
         rest = (np.maximum(planned, kept) - limits.separation) / np.hypot(
             std[:, first], std[:, second]
         )
-        together = airborne[:, first] & airborne[:, second]
-        together &= np.abs(offset[:, 2]) < limits.vertical_separation
-        rest = np.where(together, rest, np.inf)
+        rest = np.where(level, rest, np.inf)
         at = int(rest.argmin())
         risk = math.erfc(rest[at] / math.sqrt(2)) / 2
         total += risk

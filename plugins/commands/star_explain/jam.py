@@ -68,12 +68,7 @@ def jam_problems(mission: Mission, registry: Registry, rehearsal: Rehearsal) -> 
 
 
 def crowd(
-    position: Array,
-    velocity: Array,
-    airborne: Mask,
-    margin: Array,
-    base: float,
-    vertical: float,
+    position: Array, velocity: Array, airborne: Mask, margin: Array, base: float, vertical: float
 ) -> tuple[int, Array, Array]:
     """Return how many agents move, and how near those pass others that cannot make way.
 

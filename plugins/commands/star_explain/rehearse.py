@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
+from operator import attrgetter
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -13,7 +14,6 @@ from star_core import (
     AgentPhase,
     Array,
     Command,
-    Goals,
     Health,
     Mission,
     Order,
@@ -24,12 +24,7 @@ from star_core import (
     Task,
 )
 from star_core.testing import MissionSteps, PointMasses
-from star_core.toolkit import (
-    Action,
-    Node,
-    Rehearsal,
-    min_landing_time,
-)
+from star_core.toolkit import Action, Node, Rehearsal, min_landing_time
 from star_explain.rehearsed_task import RehearsedTask
 from star_explain.sighting import Lookout
 from star_explain.steering import Steering
@@ -132,11 +127,7 @@ def _handling(mission: Mission, registry: Registry) -> _Handling:
 
 
 def _run(
-    mission: Mission,
-    registry: Registry,
-    runner: MissionSteps,
-    tasks: _Tasks,
-    handling: _Handling,
+    mission: Mission, registry: Registry, runner: MissionSteps, tasks: _Tasks, handling: _Handling
 ) -> Rehearsal:
     """Run the steps until they are over."""
     scene, limits = mission.scene, mission.scene.limits
@@ -148,7 +139,7 @@ def _run(
     )
     lookout, flown = Lookout(scene), np.zeros(len(scene.agents))
     steering = Steering(mission, registry)
-    tracks = _Tracks()
+    moments: list[tuple[float, Array, Array, Array, Array]] = []
     tick, status = 0, Status.RUNNING
     while True:
         tasks.late = swarm.time > MAX_DURATION
@@ -173,7 +164,9 @@ def _run(
             if task.running and (task.ended < swarm.time or status is Status.SUCCESS):
                 task.end_by_condition()
         goals = runner.goals
-        tracks.add(swarm, goals)
+        goal = np.where(goals.active[:, None], goals.position, np.nan)
+        moment = (swarm.time, swarm.position.copy(), goal, swarm.yaw.copy(), swarm.phase.copy())
+        moments.append(moment)
         if status is not Status.RUNNING:
             break
         swarm.release(instructions.free)
@@ -186,7 +179,9 @@ def _run(
         swarm.send(Setpoint(velocity, yaw, goals.active & steered))
         tick += 1
         swarm.wait(tick * TICK)
-    return tracks.rehearsal(tasks.made)
+    begun = sorted((task for task in tasks.made if task.begun >= 0.0), key=attrgetter("begun"))
+    time, *tables = map(np.array, zip(*moments, strict=True))
+    return Rehearsal(tuple(task.result() for task in begun), time, *tables)
 
 
 def _landings(leave: Collection[int], swarm: PointMasses) -> Iterator[Command]:
@@ -209,22 +204,3 @@ def _as_sent(command: Command, position: Array) -> Command:
         return command
     least = min_landing_time(np.maximum(position[command.agent, 2], 0.0))
     return replace(command, duration=np.maximum(command.duration, least))
-
-
-class _Tracks:
-    """Where the agents are, moment by moment."""
-
-    def __init__(self) -> None:
-        self._moments: list[tuple[float, Array, Array, Array, Array]] = []
-
-    def add(self, swarm: PointMasses, goals: Goals) -> None:
-        """Add the present moment."""
-        goal = np.where(goals.active[:, None], goals.position, np.nan)
-        moment = (swarm.time, swarm.position.copy(), goal, swarm.yaw.copy(), swarm.phase.copy())
-        self._moments.append(moment)
-
-    def rehearsal(self, tasks: Iterable[RehearsedTask]) -> Rehearsal:
-        """Return the rehearsal of the moments and of the tasks that have begun."""
-        begun = sorted((task for task in tasks if task.begun >= 0.0), key=lambda task: task.begun)
-        time, *tables = (np.array(values) for values in zip(*self._moments, strict=True))
-        return Rehearsal(tuple(task.result() for task in begun), time, *tables)

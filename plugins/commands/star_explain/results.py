@@ -88,15 +88,15 @@ class Group:
 
     Attributes:
         at_once: Whether they run in parallel.
-        times: Number of repetitions.
         parts: The steps.
+        times: Number of repetitions.
         title: When they run, if that depends on a condition; of both branches, the condition.
         kind: Of a reaction, which no other step leads to; of a choice, or one of its branches.
     """
 
     at_once: bool
-    times: int
     parts: tuple[Part, ...]
+    times: int = 1
     title: str = ""
     kind: GroupKind = "group"
 
@@ -142,7 +142,7 @@ def results(mission: Mission, registry: Registry, rehearsal: Rehearsal, origins:
     tree = _Tree(mission, registry, rehearsal, origins)
     parts = tuple(tree.of(step) for step in mission.steps)
     reactions = map(tree.reaction, mission.reactions, range(len(mission.reactions)))
-    return Group(at_once=False, times=1, parts=(*parts, *reactions))
+    return Group(at_once=False, parts=(*parts, *reactions))
 
 
 def steps_of(part: Part) -> Iterator[StepResult]:
@@ -191,22 +191,15 @@ class _Tree:
             case Action():
                 return self._action(node)
             case Parallel(branches):
-                parts = tuple(self.of(branch) for branch in branches)
-                return Group(at_once=True, times=1, parts=parts)
+                return Group(at_once=True, parts=tuple(map(self.of, branches)))
             case Repeat(times, steps):
                 return self._sequence(steps, times=times)
             case Choice(when, _, steps, otherwise):
                 sequences = [self._sequence(steps, title="if so", kind="branch")]
                 if otherwise:
-                    other = self._sequence(otherwise, title="otherwise", kind="branch")
-                    sequences.append(other)
-                return Group(
-                    at_once=True,
-                    times=1,
-                    parts=tuple(sequences),
-                    title=f"if {when}",
-                    kind="choice",
-                )
+                    sequences.append(self._sequence(otherwise, title="otherwise", kind="branch"))
+                parts = tuple(sequences)
+                return Group(at_once=True, parts=parts, title=f"if {when}", kind="choice")
 
     def reaction(self, reaction: Reaction, number: int) -> Group:
         """Return the results of what is done on a condition, as the reaction with this number."""
@@ -224,14 +217,9 @@ class _Tree:
         return self._sequence(steps, title=title, kind="reaction")
 
     def _sequence(
-        self,
-        steps: Sequence[Node],
-        *,
-        times: int = 1,
-        title: str = "",
-        kind: GroupKind = "group",
+        self, steps: Sequence[Node], *, times: int = 1, title: str = "", kind: GroupKind = "group"
     ) -> Group:
-        parts = tuple(self.of(step) for step in steps)
+        parts = tuple(map(self.of, steps))
         return Group(at_once=False, times=times, parts=parts, title=title, kind=kind)
 
     def _action(self, action: Action) -> StepResult:

@@ -87,13 +87,7 @@ def _files(what: str, name: str, kind: str | None) -> Iterator[tuple[str, str]]:
     package, folder = f"star_{name.replace('-', '_')}", f"star-{name}"
     word = name.replace("-", "_")
     title = "".join(part.capitalize() for part in word.split("_"))
-    values = {
-        "name": word,
-        "package": package,
-        "folder": folder,
-        "kind": kind,
-        "title": title,
-    }
+    values = {"name": word, "package": package, "folder": folder, "kind": kind, "title": title}
     lines, step = dict(LINE), STEP
     if kind in lines:
         lines[kind] = f"{kind}: {word}"

@@ -10,14 +10,7 @@ import numpy as np
 
 from star_core import Run
 from star_report.figures import MAX_POINTS, Figure, colour, crosses, dotted, line, over_time
-from star_report.series import (
-    Nearest,
-    clearance,
-    errors,
-    peaks,
-    positions,
-    separation,
-)
+from star_report.series import Nearest, clearance, errors, peaks, positions, separation
 
 MIN_TICKS: Final = 2  # for which tick times are shown
 CONTACT: Final = 0.12  # m between the centres of two agents that touch
@@ -69,7 +62,7 @@ def series(run: Run) -> Iterator[tuple[str, str, Figure]]:
         if nearest.tick is not None:
             marked = [
                 line(time, nearest.distance, title.lower(), colour(0)),
-                crosses(*_approaches(run, nearest, obstacles=obstacles), "closest approaches"),
+                crosses(_approaches(run, nearest, obstacles=obstacles), "closest approaches"),
             ]
             yield title, caption, over_time(marked, "distance (m)", level)
     for title, caption, array, axis in (
@@ -166,9 +159,7 @@ def compute(run: Run) -> Figure:
     }
 
 
-def _approaches(
-    run: Run, nearest: Nearest, *, obstacles: bool
-) -> tuple[list[float], list[float], list[str]]:
+def _approaches(run: Run, nearest: Nearest, *, obstacles: bool) -> list[tuple[float, float, str]]:
     """Return times, distances and texts: of the least distance, collisions and close approaches.
 
     Args:
@@ -186,8 +177,4 @@ def _approaches(
             distance = float(nearest.distance[min(at, len(nearest.distance) - 1)])
             if np.isfinite(distance):
                 approaches.append((time, distance, escape(event["text"])))
-    return (
-        [approach[0] for approach in approaches],
-        [approach[1] for approach in approaches],
-        [approach[2] for approach in approaches],
-    )
+    return approaches

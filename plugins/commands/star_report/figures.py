@@ -44,14 +44,15 @@ def dotted(of: Figure) -> Figure:
     return of | {"line": of["line"] | {"dash": "dot", "width": 1}, "showlegend": False}
 
 
-def crosses(x: Sequence[float], y: Sequence[float], text: Sequence[str], name: str) -> Figure:
-    """Return red crosses with texts that appear under the pointer."""
+def crosses(points: Sequence[tuple[float, float, str]], name: str) -> Figure:
+    """Return red crosses at x and y, with texts that appear under the pointer."""
+    x, y, texts = zip(*points, strict=True)
     return {
         "type": "scatter",
         "mode": "markers",
         "x": list(x),
         "y": list(y),
-        "text": list(text),
+        "text": list(texts),
         "hovertemplate": "%{text}<extra></extra>",
         "name": name,
         "marker": {"symbol": "x", "size": 9, "color": ALARM},

@@ -8,12 +8,7 @@ import numpy as np
 
 from star_core import AgentPhase, Array, Mask, Run
 
-AIRBORNE = (
-    AgentPhase.TAKING_OFF,
-    AgentPhase.FLYING,
-    AgentPhase.LANDING,
-    AgentPhase.LOST,
-)
+AIRBORNE = (AgentPhase.TAKING_OFF, AgentPhase.FLYING, AgentPhase.LANDING, AgentPhase.LOST)
 
 
 class Nearest(NamedTuple):

@@ -71,8 +71,8 @@ def top_view(run: Run) -> Figure:
         (clearance(run), "least clearance"),
     ):
         if approach.tick is not None:
-            x, y = approach.between[:, 0].tolist(), approach.between[:, 1].tolist()
-            mark = crosses(x, y, [approach.text] * 2, f"{label}: {approach.least:.2f} m")
+            points = [(x, y, approach.text) for x, y, _ in approach.between.tolist()]
+            mark = crosses(points, f"{label}: {approach.least:.2f} m")
             data.append(mark | {"mode": "lines+markers", "line": {"color": ALARM, "width": 1}})
     low, high = run.world.fence.low, run.world.fence.high
     shapes = [

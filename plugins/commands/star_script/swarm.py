@@ -12,14 +12,41 @@ import numpy as np
 from star_core import Array, StarError
 from star_script.motions import State
 from star_script.script_flight import ScriptFlight
-from star_script.uav_trajectory import Trajectory
+from star_script.uav_trajectory import Trajectory, coefficients
 
 LOW_BATTERY: Final = 3.2  # V, at which the firmware's power management reports low power
 SOLID_COLOR: Final = 7  # effect of the ring of LEDs
 ON_BATTERY, LOW_POWER = 0, 3  # states of the firmware's power management
 
 
-class Crazyflie:
+class _Commanded:
+    """What one drone and all of them understand."""
+
+    _flight: ScriptFlight
+
+    def takeoff(self, targetHeight: float, duration: float, groupMask: int = 0) -> None:
+        """Climb to a height, m, in some time, s."""
+        self._flight.take_off(self._heeds(groupMask), float(targetHeight), float(duration))
+
+    def land(self, targetHeight: float, duration: float, groupMask: int = 0) -> None:
+        """Descend to the floor in some time, s; the height is that of a drone on it."""
+        self._flight.land(self._heeds(groupMask), float(duration))
+
+    def stop(self, groupMask: int = 0) -> None:
+        """Stop the motors."""
+        self._flight.stop_motors(self._heeds(groupMask))
+
+    def notifySetpointsStop(self, remainValidMillisecs: int = 100, groupMask: int = 0) -> None:
+        """Let commands follow setpoints."""
+        del remainValidMillisecs
+        self._flight.stop_setpoints(self._heeds(groupMask))
+
+    def _heeds(self, mask: int) -> list[int]:
+        """Return the rows of the drones that are in some of the groups."""
+        return self._flight.rows(int(mask))
+
+
+class Crazyflie(_Commanded):
     """One drone."""
 
     def __init__(self, flight: ScriptFlight, row: int) -> None:
@@ -72,18 +99,6 @@ class Crazyflie:
         """Put it into groups, a bit each."""
         self._flight.masks[self._row] = int(groupMask)
 
-    def takeoff(self, targetHeight: float, duration: float, groupMask: int = 0) -> None:
-        """Climb to a height, m, in some time, s."""
-        self._flight.take_off(self._heeds(groupMask), float(targetHeight), float(duration))
-
-    def land(self, targetHeight: float, duration: float, groupMask: int = 0) -> None:
-        """Descend to the floor in some time, s; the height is that of a drone on it."""
-        self._flight.land(self._heeds(groupMask), float(duration))
-
-    def stop(self, groupMask: int = 0) -> None:
-        """Stop its motors."""
-        self._flight.stop_motors(self._heeds(groupMask))
-
     def goTo(
         self,
         goal: Sequence[float],
@@ -99,7 +114,7 @@ class Crazyflie:
     def uploadTrajectory(self, trajectoryId: int, pieceOffset: int, trajectory: Trajectory) -> None:
         """Store a trajectory; the offset in the firmware's memory has no meaning."""
         del pieceOffset
-        pieces = [(float(p.duration), _coefficients(p)) for p in trajectory.polynomials]
+        pieces = [(float(p.duration), coefficients(p)) for p in trajectory.polynomials]
         if not pieces:
             raise ValueError("the trajectory has no pieces")
         self._trajectories[int(trajectoryId)] = pieces
@@ -121,11 +136,6 @@ class Crazyflie:
             self._row, pieces, timescale=float(timescale), reverse=bool(reverse),
             relative=bool(relative),
         )  # fmt: skip
-
-    def notifySetpointsStop(self, remainValidMillisecs: int = 100, groupMask: int = 0) -> None:
-        """Let commands follow setpoints."""
-        del remainValidMillisecs
-        self._flight.stop_setpoints(self._heeds(groupMask))
 
     def cmdFullState(
         self, pos: Sequence[float], vel: Sequence[float], acc: Sequence[float], yaw: float,
@@ -199,7 +209,7 @@ class Crazyflie:
         self._parameters |= named
 
     def _heeds(self, mask: int) -> list[int]:
-        return [self._row] if self._row in self._flight.rows(int(mask)) else []
+        return [row for row in super()._heeds(mask) if row == self._row]
 
 
 class OldCrazyflie(Crazyflie):
@@ -215,7 +225,7 @@ class OldCrazyflie(Crazyflie):
         return float(self._flight.tick.estimate.yaw[self._row])
 
 
-class CrazyflieServer:
+class CrazyflieServer(_Commanded):
     """All drones, and broadcasts to them."""
 
     def __init__(self, flight: ScriptFlight, drones: list[Crazyflie]) -> None:
@@ -228,23 +238,11 @@ class CrazyflieServer:
         """Stop all motors."""
         self._flight.stop_motors(range(len(self.crazyflies)))
 
-    def takeoff(self, targetHeight: float, duration: float, groupMask: int = 0) -> None:
-        """Climb to a height, m, in some time, s."""
-        self._flight.take_off(self._heed(groupMask), float(targetHeight), float(duration))
-
-    def land(self, targetHeight: float, duration: float, groupMask: int = 0) -> None:
-        """Descend to the floor in some time, s."""
-        self._flight.land(self._heed(groupMask), float(duration))
-
-    def stop(self, groupMask: int = 0) -> None:
-        """Stop the motors."""
-        self._flight.stop_motors(self._heed(groupMask))
-
     def goTo(
         self, goal: Sequence[float], yaw: float, duration: float, groupMask: int = 0
     ) -> None:  # fmt: skip
         """Fly by an offset, m, and a turn, rad, in some time, s."""
-        rows = self._heed(groupMask)
+        rows = self._heeds(groupMask)
         self._flight.go_to(rows, goal, float(yaw), float(duration), relative=True)
 
     def startTrajectory(
@@ -256,13 +254,8 @@ class CrazyflieServer:
         groupMask: int = 0,
     ) -> None:
         """Fly stored trajectories."""
-        for row in self._heed(groupMask):
+        for row in self._heeds(groupMask):
             self.crazyflies[row].startTrajectory(trajectoryId, timescale, reverse, relative)
-
-    def notifySetpointsStop(self, remainValidMillisecs: int = 100, groupMask: int = 0) -> None:
-        """Let commands follow setpoints."""
-        del remainValidMillisecs
-        self._flight.stop_setpoints(self._heed(groupMask))
 
     def arm(self, arm: bool = True) -> None:
         """Arm all."""
@@ -281,9 +274,6 @@ class CrazyflieServer:
         """Send a setpoint of a full state to all."""
         for drone in self.crazyflies:
             drone.cmdFullState(pos, vel, acc, yaw, omega)
-
-    def _heed(self, mask: int) -> list[int]:
-        return self._flight.rows(int(mask))
 
 
 class TimeHelper:
@@ -371,10 +361,3 @@ def _number(name: str, row: int) -> int:
     """Return the number at the end of an agent's name, or that of its row from 1."""
     digits = name[len(name.rstrip("0123456789")) :]
     return int(digits) if digits else row + 1
-
-
-def _coefficients(piece: Any) -> Array:
-    """Return (4, K) coefficients of a piece, of this or another class like it."""
-    rows = [np.asarray(p.p, np.float64) for p in (piece.px, piece.py, piece.pz, piece.pyaw)]
-    most = max(map(len, rows))
-    return np.array([np.pad(row, (0, most - len(row))) for row in rows])

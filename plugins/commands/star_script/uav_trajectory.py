@@ -5,9 +5,10 @@ from __future__ import annotations
 import csv
 import math
 from os import PathLike
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from star_core import Array, InputError
 from star_core.toolkit import polynomial
@@ -19,7 +20,7 @@ COLUMNS: Final = 33  # of a piece: its duration, and eight coefficients for each
 class Polynomial:
     """A polynomial; `p` has its coefficients, the constant first."""
 
-    def __init__(self, p: Array) -> None:
+    def __init__(self, p: ArrayLike) -> None:
         self.p = np.asarray(p, np.float64)
 
     def eval(self, t: float) -> float:
@@ -28,8 +29,7 @@ class Polynomial:
 
     def derivative(self) -> Polynomial:
         """Return its derivative."""
-        powers = np.arange(1, max(2, len(self.p)))
-        return Polynomial(np.zeros(1) if len(self.p) < 2 else powers * self.p[1:])  # noqa: PLR2004 -- constant
+        return Polynomial(np.polynomial.polynomial.polyder(self.p))
 
 
 class TrajectoryOutput:
@@ -55,20 +55,14 @@ class Polynomial4D:
         derived = (p.derivative().p for p in (self.px, self.py, self.pz, self.pyaw))
         return Polynomial4D(self.duration, *derived)
 
-    @property
-    def coefficients(self) -> Array:
-        """(4, K) coefficients of x, y, z and yaw, the constant first."""
-        rows = [p.p for p in (self.px, self.py, self.pz, self.pyaw)]
-        most = max(map(len, rows))
-        return np.array([np.pad(row, (0, most - len(row))) for row in rows])
-
     def eval(self, t: float) -> TrajectoryOutput:
         """Return its state at `t`, s: attitude and rates are those of a drone that flies it."""
         state = TrajectoryOutput()
-        value, first, second = polynomial(self.coefficients.T, t)
+        value, first, second = polynomial(coefficients(self).T, t)
         state.pos, state.vel, state.acc = value[:3], first[:3], second[:3]
         state.yaw = float(value[3])
-        jerk = np.array([p.derivative().derivative().derivative().eval(t) for p in self._axes])
+        third = self.derivative().derivative().derivative()
+        jerk = np.array([p.eval(t) for p in (third.px, third.py, third.pz)])
         thrust = state.acc + np.array([0.0, 0.0, GRAVITY])
         most = max(float(np.linalg.norm(thrust)), 1e-9)
         up = thrust / most
@@ -82,9 +76,12 @@ class Polynomial4D:
         state.roll = math.atan2(left[2], up[2])
         return state
 
-    @property
-    def _axes(self) -> tuple[Polynomial, ...]:
-        return self.px, self.py, self.pz
+
+def coefficients(piece: Any) -> Array:
+    """Return (4, K) coefficients of x, y, z and yaw of a piece of any such class."""
+    rows = [np.asarray(p.p, np.float64) for p in (piece.px, piece.py, piece.pz, piece.pyaw)]
+    most = max(map(len, rows))
+    return np.array([np.pad(row, (0, most - len(row))) for row in rows])
 
 
 class Trajectory:

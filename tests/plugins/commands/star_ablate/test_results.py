@@ -12,9 +12,8 @@ from hypothesis import strategies as st
 
 from star_ablate.flight import Result
 from star_ablate.journal import Journal
-from star_ablate.results import study_results
 from star_ablate.study import Condition, Run, Study
-from star_core.toolkit import value_at
+from star_core.toolkit import StudyResults, value_at
 
 NO_MISSION: Any = None
 CONDITION = Condition("hop", {"avoider": "orca"}, NO_MISSION)
@@ -32,7 +31,8 @@ def results(*summaries: Any) -> list[tuple[Run, Result]]:
 
 
 def as_csv(study: Study, flown: list[tuple[Run, Result]]) -> str:
-    return study_results(flown, interrupted=False).as_csv(study.factors, study.measures)
+    flights = tuple(run.flown(result) for run, result in flown)
+    return StudyResults(flights, interrupted=False).as_csv(study.factors, study.measures)
 
 
 @pytest.mark.parametrize(

@@ -35,7 +35,7 @@ def hop(study: Callable[[str], Path]) -> Callable[[str], Mission]:
 
 @pytest.fixture
 def worker(tmp_path: Path) -> Iterator[Worker]:
-    worker = Worker(tmp_path / "log.txt", None)
+    worker = Worker(tmp_path / "log.txt")
     yield worker
     worker.end()
 
