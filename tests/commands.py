@@ -4,9 +4,15 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
+from typing import TypeAlias
+
+import pytest
 
 from star_core import Registry
 from star_core.commands import run_command
+
+Said: TypeAlias = pytest.CaptureFixture[str]
+"""The fixture ``capsys``: what a command prints."""
 
 
 def command(name: str) -> Callable[[Sequence[str]], int]:

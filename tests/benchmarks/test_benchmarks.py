@@ -67,7 +67,7 @@ SCRIPTS = {
             "IMAGES": 3,
             "AWAY": np.array([0.1]),
             "STREAMS": (("one", 1, 15.0, False),),
-        },
+        }
     ),
     "camera": Small(sizes={"ROUNDS": 1, "TIMES": 1, "LOOKS": 30}),
     "tests.campaign.around": Small("--flights 1", campaign="8 s", prints="| 1 | 1 | 1 |"),
@@ -77,9 +77,7 @@ SCRIPTS = {
         prints="left out",
     ),
     "tests.campaign.crazyswarm2_examples": Small(
-        "",
-        {"FOLDER": "NO_CRAZYSWARM2_EXAMPLES"},
-        prints="left out",
+        "", {"FOLDER": "NO_CRAZYSWARM2_EXAMPLES"}, prints="left out"
     ),
     "tests.campaign.covariance": Small(
         "--json --seeds 1", {"PATHS": ("paper_box",)}, campaign="15 s"
@@ -137,10 +135,7 @@ SCRIPTS = {
     "tests.campaign.onboard": Small("--flights 1", campaign="20 s", prints="lighthouse"),
     "orca": Small("--json --agents 10", {"DRAWN": 20, "ROUNDS": 1}, needs=("pyrvo",)),
     "planner": Small(sizes={"POLYGONS": 4, "ROUNDS": 1, "BUILDS": 1, "QUERIES": 5}),
-    "radio": Small(
-        sizes={"MANY": 2, "FEW": 1, "ROUNDS": 1, "TICKS": 10},
-        needs=("cflib",),
-    ),
+    "radio": Small(sizes={"MANY": 2, "FEW": 1, "ROUNDS": 1, "TICKS": 10}, needs=("cflib",)),
     "real_flights": Small("{flights} --json"),
     "recording": Small("--json --rounds 1", {"AGENTS": 2, "RADIUS": 0.5, "TRANSPORT": "sim"}),
     "tests.campaign.relief": Small("--json --seeds 1 --rounds 1", campaign="6 s"),
@@ -156,9 +151,7 @@ SCRIPTS = {
     ),
     "tests.campaign.search": Small("--json --worlds 1 --pattern sweep", campaign="10 s"),
     "silence": Small("--json --only check"),
-    "sim": Small(
-        sizes={"AGENTS": (1,), "ROUNDS": 1, "REPEATS": 1, "TIMES": 10, "LAPS": 1},
-    ),
+    "sim": Small(sizes={"AGENTS": (1,), "ROUNDS": 1, "REPEATS": 1, "TIMES": 10, "LAPS": 1}),
     "soak": Small(
         "--json --minutes 0.1 --drones 2",
         {"MAX_JITTER": 1e3, "MAX_SLIP": 10.0, "CLOSING": 1000},  # busy, and nothing has grown yet
@@ -253,10 +246,7 @@ def exit_status(main: Callable[[], object]) -> object:
     ],
 )
 def test_a_script_runs_in_a_small_size(
-    name: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     small = SCRIPTS[name]
     for need in small.needs:

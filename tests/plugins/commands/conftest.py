@@ -7,7 +7,31 @@ from collections.abc import Iterator, Sequence
 import pytest
 
 from star_ablate.flight import Job, Result, fly_job
-from star_core import Registry
+from star_core import Registry, Run, read_run
+from star_core.commands.main import main
+
+MISSION = """\
+star: 1
+name: swap
+world: room.yaml
+seed: 7
+swarm: {cf1: {start: [-0.6, 0, 0]}, cf2: {start: [0.6, 0.1, 0]}}
+transport: sim
+localizer: flow
+planner: straight
+avoider: orca
+mission:
+  - takeoff: {height: 0.4, speed: 0.5}
+  - goto: {agents: cf1, by: [0.6, 0.5, 0]}
+  - land: {speed: 0.5}
+"""
+WORLD = """\
+star: 1
+name: room
+fence: {low: [-2, -2, 0], high: [2, 2, 2]}
+obstacles: {pillar: {polygon: [[1, 1], [1.2, 1], [1.2, 1.2], [1, 1.2]], height: [0, 2]}}
+landmarks: {door: {tags: [300, 301], size: 0.05, at: [0, 1.5, 0]}}
+"""
 
 
 @pytest.fixture
@@ -22,3 +46,13 @@ def in_process(monkeypatch: pytest.MonkeyPatch) -> None:
             yield index, fly_job(job, registry)
 
     monkeypatch.setattr("star_ablate.workers.Processes.fly_all", fly_all)
+
+
+@pytest.fixture(scope="session")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
+    """A flight that is recorded."""
+    folder = tmp_path_factory.mktemp("recorded")
+    (folder / "room.yaml").write_text(WORLD)
+    (folder / "swap.yaml").write_text(MISSION)
+    assert main(["run", str(folder / "swap.yaml"), "--out", str(folder / "run")]) == 0
+    return read_run(folder / "run")

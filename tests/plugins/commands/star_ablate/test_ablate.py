@@ -14,11 +14,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import star_ablate
 from star_ablate.flight import Job, Result
-from star_core import InputError, Registry
-from star_core.commands import run_command
-from tests.commands import command
+from star_core import InputError
+from tests.commands import Said, command
 
 main = command("ablate")
 
@@ -46,15 +44,9 @@ def ablate(path: Path, *arguments: str) -> Path:
     return out
 
 
-def test_the_plugin_offers_the_command_ablate(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit):
-        run_command("ablate", ["--help"], Registry(star_ablate, installed=False))
-    assert "--workers" in capsys.readouterr().out
-
-
 @pytest.mark.usefixtures("in_process")
 def test_example_study_shows_that_orca_separates_drones(
-    missions: Path, tmp_path: Path, rows: Rows, capsys: pytest.CaptureFixture[str]
+    missions: Path, tmp_path: Path, rows: Rows, capsys: Said
 ) -> None:
     path = missions / "studies" / "avoiders.yaml"
     assert main([str(path), "--out", str(tmp_path / "a"), "--seeds", "1", "--workers", "1"]) == 0
@@ -119,9 +111,7 @@ def test_a_run_that_hangs_is_ended_when_its_time_is_over(study: Study, rows: Row
 
 
 @pytest.mark.usefixtures("in_process")
-def test_a_study_goes_on_where_it_stopped(
-    flown: Study, rows: Rows, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_study_goes_on_where_it_stopped(flown: Study, rows: Rows, capsys: Said) -> None:
     before = rows(flown("").parents[1] / "out")
     after = rows(ablate(flown(HOP + SLOW + "seeds: [0, 3, 1]\n"), "--record"))
     (line,) = (line for line in capsys.readouterr().err.splitlines() if line[0] == "[")
@@ -130,9 +120,7 @@ def test_a_study_goes_on_where_it_stopped(
     assert [after[0], after[2]] == before
 
 
-def test_a_quiet_study_writes_its_table_and_prints_none(
-    flown: Study, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_quiet_study_writes_its_table_and_prints_none(flown: Study, capsys: Said) -> None:
     out = ablate(flown(HOP + SLOW + "seeds: 2\n"), "--record", "--quiet")
     assert capsys.readouterr().out == ""
     assert "| hop | 2 | 100% |" in (out / "results.md").read_text()
@@ -140,7 +128,7 @@ def test_a_quiet_study_writes_its_table_and_prints_none(
 
 @pytest.mark.usefixtures("in_process")
 def test_measures_that_are_asked_for_later_need_no_flight(
-    flown: Study, rows: Rows, capsys: pytest.CaptureFixture[str]
+    flown: Study, rows: Rows, capsys: Said
 ) -> None:
     text = SLOW + "missions: [../hop.yaml]\nseeds: 1\nmeasures: "
     (row,) = rows(ablate(flown(text + "[seed, position_rmse_m]\n")))
@@ -166,13 +154,7 @@ def test_records_are_kept_when_asked_for(flown: Study) -> None:
 )
 @pytest.mark.usefixtures("instant")
 def test_what_has_changed_since_is_flown_again(
-    file: str,
-    before: str,
-    after: str,
-    change: str,
-    study: Study,
-    wrecker: Path,
-    capsys: pytest.CaptureFixture[str],
+    file: str, before: str, after: str, change: str, study: Study, wrecker: Path, capsys: Said
 ) -> None:
     path = study(HOP + "seeds: 1\nfactors: {a: {b: {avoider: wrecker}, c: {}}}\n")
     hop = path.parents[1] / "hop.yaml"
@@ -218,7 +200,7 @@ def test_an_interrupt_keeps_what_is_done_and_leaves_no_process(
 
 @pytest.mark.usefixtures("instant")
 def test_a_dry_run_prints_what_would_be_flown(
-    study: Study, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    study: Study, monkeypatch: pytest.MonkeyPatch, capsys: Said
 ) -> None:
     path = study(HOP + SLOW + "seeds: 7\n")
     out = path.parents[1] / "out"
@@ -279,13 +261,3 @@ def test_a_folder_that_cannot_be_made_is_reported(study: Study, tmp_path: Path) 
     assert caught.value.problems == (
         f"{out}: cannot be written: Not a directory [unwritable-file]",
     )
-
-
-@pytest.mark.parametrize("arguments", [["--workers", "0"], ["--seeds", "-1"], ["--seeds", "x"]])
-def test_numbers_on_the_command_line_are_positive(
-    arguments: Sequence[str], capsys: pytest.CaptureFixture[str]
-) -> None:
-    with pytest.raises(SystemExit) as caught:
-        main(["study.yaml", *arguments])
-    assert caught.value.code == 2
-    assert "invalid positive whole number value" in capsys.readouterr().err

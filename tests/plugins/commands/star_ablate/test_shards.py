@@ -11,6 +11,7 @@ import pytest
 from star_ablate.shards import Shard, merged
 from star_core import InputError
 from star_core.commands.main import main
+from tests.commands import Said
 
 pytestmark = pytest.mark.usefixtures("instant")
 
@@ -68,11 +69,7 @@ def test_any_division_gives_the_same_table(
     ],
 )
 def test_missing_and_doubled_shards_are_named(
-    names: list[str],
-    problem: str,
-    ablate: Callable[..., int],
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+    names: list[str], problem: str, ablate: Callable[..., int], tmp_path: Path, capsys: Said
 ) -> None:
     shards = {"1": "1/3", "2": "2/3", "3": "3/3", "copy": "1/3", "half": "1/2", "whole": "1/1"}
     for name in dict.fromkeys(names):
@@ -84,10 +81,7 @@ def test_missing_and_doubled_shards_are_named(
 
 
 def test_missing_runs_are_named_with_the_cause(
-    ablate: Callable[..., int],
-    study: Callable[[str], Path],
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+    ablate: Callable[..., int], study: Callable[[str], Path], tmp_path: Path, capsys: Said
 ) -> None:
     for name in ("1", "2"):
         assert ablate(name, "--shard", f"{name}/2") == 0
@@ -119,7 +113,7 @@ def test_crashed_runs_are_merged(ablate: Callable[..., int], tmp_path: Path) -> 
 
 
 def test_other_versions_are_reported(
-    ablate: Callable[..., int], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    ablate: Callable[..., int], tmp_path: Path, capsys: Said
 ) -> None:
     for name in ("1", "2"):
         assert ablate(name, "--shard", f"{name}/2") == 0
@@ -141,11 +135,7 @@ def test_other_versions_are_reported(
     ],
 )
 def test_wrong_options_are_refused(
-    options: list[str],
-    code: str,
-    ablate: Callable[..., int],
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+    options: list[str], code: str, ablate: Callable[..., int], tmp_path: Path, capsys: Said
 ) -> None:
     assert ablate("1", "--shard", "1/2") == 0
     assert ablate("1", *[option.replace("{}", str(tmp_path)) for option in options]) == 2

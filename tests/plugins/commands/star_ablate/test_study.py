@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from importlib.metadata import entry_points
 from pathlib import Path
+from typing import TypeAlias
 
 import pytest
 
@@ -12,7 +13,16 @@ from star_ablate.reading import MEASURES, SEEDS, read, schema
 from star_core import InputError, Registry, discovery
 from star_core.toolkit import STUDY_COLUMNS
 
+Write: TypeAlias = Callable[[str], Path]
+
 HOP = "missions: [../hop.yaml]\n"
+TWO = """\
+missions: [../hop.yaml, ../jump.yaml]
+seeds: 1
+factors:
+  avoider: {none: {}, orca: {avoider: orca}}
+  rate: {slow: {rate: 10}, fast: {rate: 20}}
+"""
 
 
 @pytest.fixture(scope="module")
@@ -27,16 +37,9 @@ def problems(path: Path, registry: Registry) -> list[str]:
 
 
 def test_every_combination_of_missions_and_levels_is_a_condition(
-    study: Callable[[str], Path], registry: Registry
+    study: Write, registry: Registry
 ) -> None:
-    path = study("""\
-        missions: [../hop.yaml, ../jump.yaml]
-        seeds: 1
-        factors:
-          avoider: {none: {}, orca: {avoider: orca}}
-          rate: {slow: {rate: 10}, fast: {rate: 20}}
-        """)
-    names = [condition.names for condition in read(path, registry).conditions]
+    names = [condition.names for condition in read(study(TWO), registry).conditions]
     assert names == [
         (mission, avoider, rate)
         for mission in ("hop", "jump")
@@ -45,18 +48,7 @@ def test_every_combination_of_missions_and_levels_is_a_condition(
     ]
 
 
-TWO = """\
-missions: [../hop.yaml, ../jump.yaml]
-seeds: 1
-factors:
-  avoider: {none: {}, orca: {avoider: orca}}
-  rate: {slow: {rate: 10}, fast: {rate: 20}}
-"""
-
-
-def test_excluded_combinations_are_not_flown(
-    study: Callable[[str], Path], registry: Registry
-) -> None:
+def test_excluded_combinations_are_not_flown(study: Write, registry: Registry) -> None:
     excluded = "exclude: [{avoider: orca, rate: fast}, {mission: jump, rate: slow}]\n"
     names = [condition.names for condition in read(study(TWO + excluded), registry).conditions]
     assert names == [
@@ -85,15 +77,13 @@ def test_excluded_combinations_are_not_flown(
     ],
 )
 def test_impossible_designs_are_refused(
-    text: str, problem: str, study: Callable[[str], Path], registry: Registry
+    text: str, problem: str, study: Write, registry: Registry
 ) -> None:
     (message,) = problems(study(f"{TWO}{text}\n"), registry)
     assert message.startswith(problem)
 
 
-def test_a_level_sets_its_values_and_nothing_else(
-    study: Callable[[str], Path], registry: Registry
-) -> None:
+def test_a_level_sets_its_values_and_nothing_else(study: Write, registry: Registry) -> None:
     factors = "factors: {radius: {small: {avoider: {use: orca, radius: 0.2}, rate: 10}}}\n"
     (plain,) = read(study(HOP), registry).conditions
     (small,) = read(study(HOP + factors), registry).conditions
@@ -101,9 +91,7 @@ def test_a_level_sets_its_values_and_nothing_else(
     assert small.mission.source == expected
 
 
-def test_later_factors_set_options_of_earlier_choices(
-    study: Callable[[str], Path], registry: Registry
-) -> None:
+def test_later_factors_set_options_of_earlier_choices(study: Write, registry: Registry) -> None:
     path = study(
         HOP + "factors:\n  avoider: {orca: {avoider: orca}}\n  radius: {a: {avoider.radius: 0.2}}\n"
     )
@@ -112,7 +100,7 @@ def test_later_factors_set_options_of_earlier_choices(
 
 
 def test_without_factors_the_missions_are_flown_as_they_are(
-    study: Callable[[str], Path], registry: Registry
+    study: Write, registry: Registry
 ) -> None:
     found = read(study(HOP), registry)
     assert [condition.names for condition in found.conditions] == [("hop",)]
@@ -130,18 +118,12 @@ def test_without_factors_the_missions_are_flown_as_they_are(
     ],
 )
 def test_seeds_are_counted_or_listed(
-    given: str,
-    wanted: int | None,
-    seeds: tuple[int, ...],
-    study: Callable[[str], Path],
-    registry: Registry,
+    given: str, wanted: int | None, seeds: tuple[int, ...], study: Write, registry: Registry
 ) -> None:
     assert read(study(f"{HOP}seeds: {given}\n"), registry, wanted).seeds == seeds
 
 
-def test_own_seeds_fly_each_mission_once_with_its_seed(
-    study: Callable[[str], Path], registry: Registry
-) -> None:
+def test_own_seeds_fly_each_mission_once_with_its_seed(study: Write, registry: Registry) -> None:
     path = study("missions: [../hop.yaml, ../jump.yaml]\nseeds: own\n")
     jump = path.parents[1] / "jump.yaml"
     jump.write_text(f"{jump.read_text()}seed: 41\n")
@@ -152,9 +134,7 @@ def test_own_seeds_fly_each_mission_once_with_its_seed(
     ]
 
 
-def test_a_number_of_seeds_does_not_go_with_own_seeds(
-    study: Callable[[str], Path], registry: Registry
-) -> None:
+def test_a_number_of_seeds_does_not_go_with_own_seeds(study: Write, registry: Registry) -> None:
     path = study(f"{HOP}seeds: own\n")
     with pytest.raises(InputError) as caught:
         read(path, registry, 3)
@@ -164,21 +144,17 @@ def test_a_number_of_seeds_does_not_go_with_own_seeds(
     )
 
 
-def test_seeds_in_another_word_than_own_are_refused(
-    study: Callable[[str], Path], registry: Registry
-) -> None:
+def test_seeds_in_another_word_than_own_are_refused(study: Write, registry: Registry) -> None:
     (found,) = problems(study(f"{HOP}seeds: mine\n"), registry)
     assert found.startswith("4:8: seeds: 'mine' is not possible here: expected a number of seeds")
 
 
-def test_a_run_flies_with_its_seed(study: Callable[[str], Path], registry: Registry) -> None:
+def test_a_run_flies_with_its_seed(study: Write, registry: Registry) -> None:
     (run,) = read(study(f"{HOP}seeds: [41]\n"), registry).runs()
     assert run.mission().scene.seed == run.mission().source["seed"] == 41
 
 
-def test_run_keys_are_unique_and_reproducible(
-    study: Callable[[str], Path], registry: Registry
-) -> None:
+def test_run_keys_are_unique_and_reproducible(study: Write, registry: Registry) -> None:
     text = HOP + "seeds: 3\nfactors: {same: {a: {}, b: {}}}\n"
     keys = [run.key for run in read(study(text), registry).runs()]
     assert len(set(keys)) == 6
@@ -187,7 +163,7 @@ def test_run_keys_are_unique_and_reproducible(
 
 @pytest.mark.parametrize("file", ["hop.yaml", "room.yaml"])
 def test_a_change_of_the_mission_or_its_world_changes_the_key(
-    file: str, study: Callable[[str], Path], registry: Registry
+    file: str, study: Write, registry: Registry
 ) -> None:
     path = study(f"{HOP}seeds: 1\n")
     (before,) = read(path, registry).runs()
@@ -197,9 +173,7 @@ def test_a_change_of_the_mission_or_its_world_changes_the_key(
     assert before.key != after.key
 
 
-def test_camera_files_of_levels_are_part_of_the_run_key(
-    study: Callable[[str], Path], registry: Registry
-) -> None:
+def test_camera_files_of_levels_are_part_of_the_run_key(study: Write, registry: Registry) -> None:
     path = study(
         HOP + "seeds: 1\n"
         "factors: {lens: {a: {cameras.own.file: a.yaml}, b: {cameras.own.file: b.yaml}}}\n"
@@ -216,7 +190,7 @@ def test_camera_files_of_levels_are_part_of_the_run_key(
 
 
 def test_another_version_of_a_plugin_changes_the_key(
-    study: Callable[[str], Path], wrecker: Path, monkeypatch: pytest.MonkeyPatch
+    study: Write, wrecker: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(discovery, "entry_points", entry_points)  # read again
     path = study(f"{HOP}seeds: 1\nfactors: {{avoider: {{wrecker: {{avoider: wrecker}}}}}}\n")
@@ -244,20 +218,20 @@ def test_another_version_of_a_plugin_changes_the_key(
     ],
 )
 def test_a_mistake_is_refused_at_its_location(
-    text: str, where: str, code: str, study: Callable[[str], Path], registry: Registry
+    text: str, where: str, code: str, study: Write, registry: Registry
 ) -> None:
     (found,) = problems(study(text), registry)
     assert found.startswith(f"{where}: ")
     assert found.endswith(f"[{code}]")
 
 
-def test_a_similar_file_is_suggested(study: Callable[[str], Path], registry: Registry) -> None:
+def test_a_similar_file_is_suggested(study: Write, registry: Registry) -> None:
     (found,) = problems(study("missions: [../hip.yaml]\n"), registry)
     assert "did you mean '../hop.yaml'?" in found
 
 
 def test_a_link_does_not_lead_out_of_the_folder(
-    study: Callable[[str], Path], registry: Registry, tmp_path: Path
+    study: Write, registry: Registry, tmp_path: Path
 ) -> None:
     path = study("missions: [link.yaml]\n")
     (tmp_path / "elsewhere.yaml").write_text("star: 1\n")
@@ -266,9 +240,7 @@ def test_a_link_does_not_lead_out_of_the_folder(
     assert "'link.yaml' is outside the folder above the study's" in found
 
 
-def test_two_missions_of_one_name_cannot_be_distinguished(
-    study: Callable[[str], Path], registry: Registry
-) -> None:
+def test_two_missions_of_one_name_cannot_be_distinguished(study: Write, registry: Registry) -> None:
     path = study("missions: [../hop.yaml, hop.yaml]\n")
     (path.parent / "hop.yaml").write_text("star: 1\n")
     first = path.parent / "../hop.yaml"
@@ -279,7 +251,7 @@ def test_two_missions_of_one_name_cannot_be_distinguished(
 
 
 def test_what_a_level_sets_wrongly_is_located_in_the_study(
-    study: Callable[[str], Path], registry: Registry
+    study: Write, registry: Registry
 ) -> None:
     path = study(HOP + "factors: {radius: {odd: {avoider: {use: orca, radius: -1}}, even: {}}}\n")
     (found,) = problems(path, registry)
@@ -289,7 +261,7 @@ def test_what_a_level_sets_wrongly_is_located_in_the_study(
 
 
 def test_levels_invalid_for_every_mission_are_reported_once(
-    study: Callable[[str], Path], registry: Registry
+    study: Write, registry: Registry
 ) -> None:
     given = "missions: [../hop.yaml, ../jump.yaml]\nfactors: {fast: {very: {rate: -1}}}\n"
     (problem,) = problems(study(given), registry)
@@ -297,7 +269,7 @@ def test_levels_invalid_for_every_mission_are_reported_once(
 
 
 def test_mission_problems_at_every_level_are_reported_once(
-    study: Callable[[str], Path], registry: Registry
+    study: Write, registry: Registry
 ) -> None:
     path = study(HOP + "factors: {rate: {a: {rate: 10}, b: {rate: 20}}}\n")
     (path.parents[1] / "hop.yaml").write_text("star: 1\nname: hop\n")

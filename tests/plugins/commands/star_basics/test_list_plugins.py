@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Mapping
 from importlib.metadata import entry_points
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, TypeAlias, cast
+from typing import Any, cast
 
 import pytest
 
@@ -24,8 +24,7 @@ from star_core.discovery import Source
 from star_core.plugin_support.registry import Registry
 from star_yaml.editor_schema import for_editors
 from star_yaml.schema import compose, compose_steps, load
-
-Said: TypeAlias = pytest.CaptureFixture[str]
+from tests.commands import Said
 
 
 class Shelf:
@@ -256,8 +255,10 @@ def test_the_json_holds_options_that_are_mappings_of_any_kind() -> None:
 # What is installed
 
 
-def test_built_in_plugins_are_listed_in_order_of_kind() -> None:
-    found = [(plugin["kind"], plugin["name"]) for plugin in listed(Registry())["plugins"]]
+def test_built_in_plugins_are_listed_in_order_of_kind(said: Said) -> None:
+    assert main(["plugins", "--json"]) == 0
+    plugins = json.loads(said.readouterr().out)["plugins"]
+    found = [(plugin["kind"], plugin["name"]) for plugin in plugins]
     kinds = (*Registry().kinds, "observer")
     assert found == sorted(found, key=lambda one: (kinds.index(one[0]), one[1]))
     assert {
@@ -280,39 +281,20 @@ def test_every_option_of_a_built_in_plugin_has_a_description() -> None:
 # star plugins, star schema
 
 
-def test_plugins_lists_every_kind_and_its_plugins(said: Said) -> None:
-    assert main(["plugins"]) == 0
-    lines = said.readouterr().out.splitlines()
-    headings = [line for line in lines if line and not line.startswith(" ")]
-    assert headings[:5] == ["transports", "localizers", "planners", "avoiders", "tasks"]
-    assert any(line.startswith("  orca ") for line in lines)
-
-
-def test_plugins_as_json_are_json(said: Said) -> None:
-    assert main(["plugins", "--json"]) == 0
-    found = json.loads(said.readouterr().out)
-    assert "orca" in [plugin["name"] for plugin in found["plugins"]]
-
-
-def test_schema_prints_the_schema_that_checks_missions(said: Said) -> None:
-    assert main(["schema"]) == 0
-    printed = json.loads(said.readouterr().out)
-    assert printed == for_editors(compose(Registry().offers()), parameters=True)
-    assert "takeoff" in printed["$defs"]["step"]["properties"]
-
-
-def test_schema_of_steps_has_every_verb_and_admits_parameters(said: Said) -> None:
-    assert main(["schema", "steps"]) == 0
-    printed = json.loads(said.readouterr().out)
-    assert printed == for_editors(compose_steps(Registry().offers()), parameters=True)
-    verbs = compose(Registry().offers())["$defs"]["step"]["properties"]
-    assert list(printed["$defs"]["step"]["properties"]) == list(verbs)
-    assert printed["$defs"]["timeout"]["type"] == ["number", "string"]
-
-
-def test_schema_of_a_world_is_printed(said: Said) -> None:
-    assert main(["schema", "world"]) == 0
-    assert json.loads(said.readouterr().out) == for_editors(load("world"))
+def test_schemas_for_editors_are_printed(said: Said) -> None:
+    offers = Registry().offers()
+    steps = for_editors(compose_steps(offers), parameters=True)
+    for name, schema in {
+        "mission": for_editors(compose(offers), parameters=True),
+        "steps": steps,
+        "world": for_editors(load("world")),
+    }.items():
+        assert main(["schema", name]) == 0
+        assert json.loads(said.readouterr().out) == schema
+    verbs = compose(offers)["$defs"]["step"]["properties"]
+    assert list(steps["$defs"]["step"]["properties"]) == list(verbs)
+    assert "takeoff" in verbs
+    assert steps["$defs"]["timeout"]["type"] == ["number", "string"]
 
 
 def test_a_schema_is_written_to_a_file_in_place_of_being_printed(said: Said) -> None:
@@ -385,12 +367,15 @@ def test_plugin_commands_receive_options_and_return_the_status(
 @pytest.mark.parametrize(
     ("arguments", "why"),
     [
+        (["great"], "star has no command 'great'; did you mean 'greet'? [invalid-argument]\n"),
+        (["greet"], "no name to greet; give one [invalid-input]\n"),
+        (["greet", *"abcd"], "command 'greet' (their-dist 1.2:theirs): IndexError: list index out"),
         (["greet", "cf1", "--loud"], "unknown option '--loud'; did you mean '--loudly'? [unknown-"),
         (["tags", "--papre", "w.yaml"], "unknown option '--papre'; did you mean '--paper'? ["),
         (["new", "world", "lab", "more"], "'more' is one argument too many [invalid-argument]"),
     ],
 )
-def test_unknown_words_are_refused_by_every_command(
+def test_what_a_command_refuses_or_raises_exits_with_2(
     said: Said, with_plugin: Callable[[object], None], arguments: list[str], why: str
 ) -> None:
     with_plugin(Greeter())
@@ -398,62 +383,16 @@ def test_unknown_words_are_refused_by_every_command(
     assert said.readouterr().err.startswith(why)
 
 
-def test_the_help_of_a_command_begins_with_its_summary(
-    said: Said, with_plugin: Callable[[object], None]
-) -> None:
-    with_plugin(Greeter())
-    with pytest.raises(SystemExit):
-        main(["greet", "--help"])
-    assert "Greets." in said.readouterr().out
-
-
-def test_what_a_command_of_a_plugin_refuses_exits_with_2(
-    said: Said, with_plugin: Callable[[object], None]
-) -> None:
-    with_plugin(Greeter())
-    assert main(["greet"]) == 2
-    assert said.readouterr().err == "no name to greet; give one [invalid-input]\n"
-
-
-def test_a_command_of_a_plugin_that_raises_names_the_plugin(
-    said: Said, with_plugin: Callable[[object], None]
-) -> None:
-    with_plugin(Greeter())
-    assert main(["greet", "cf1", "cf2", "cf3", "cf4"]) == 2
-    reported = "command 'greet' (their-dist 1.2:theirs): IndexError: list index out of range ("
-    assert said.readouterr().err.startswith(reported)
-
-
-def test_unknown_commands_get_suggestions_from_plugin_commands(
-    said: Said, with_plugin: Callable[[object], None]
-) -> None:
-    with_plugin(Greeter())
-    assert main(["great"]) == 2
-    assert (
-        said.readouterr().err
-        == "star has no command 'great'; did you mean 'greet'? [invalid-argument]\n"
-    )
-
-
 # Readers that go away
 
 ENTER = "import sys; from star_core.commands.main import main; sys.exit(main())"
 
 
-@pytest.mark.parametrize(
-    "arguments",
-    [
-        ["schema"],  # more than a buffer holds
-        ["plugins"],
-        ["schema", "world"],
-        ["--help"],
-    ],
-    ids=" ".join,
-)
-def test_a_reader_that_goes_away_is_not_answered_by_an_error(arguments: list[str]) -> None:
+@pytest.mark.parametrize("argument", ["schema", "--help"])  # more than a buffer holds, and less
+def test_a_reader_that_goes_away_is_not_answered_by_an_error(argument: str) -> None:
     as_usual = {key: value for key, value in os.environ.items() if key != "PYTHONUNBUFFERED"}
     with subprocess.Popen(
-        [sys.executable, "-c", ENTER, *arguments],
+        [sys.executable, "-c", ENTER, argument],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,

@@ -39,6 +39,7 @@ from star_core.runner import fly
 from star_core.testing import estimate, health, scene
 from star_core.toolkit.progress import REFRESH_PERIOD
 from star_yaml.mission_loader import load
+from tests.commands import Said
 from tests.core.conftest import a_pipe
 
 HIDE_CURSOR, SHOW_CURSOR = "\x1b[?25l", "\x1b[?25h"
@@ -134,8 +135,11 @@ def test_what_looks_like_markup_is_shown_as_it_is(monkeypatch: pytest.MonkeyPatc
 
 
 def test_a_short_flight_writes_nothing_but_its_events(monkeypatch: pytest.MonkeyPatch) -> None:
+    def estimate() -> float:
+        raise AssertionError
+
     paper = a_pipe(monkeypatch)
-    shown(FlightProgress(lambda: 20.0), tick(2), agents=2)
+    shown(FlightProgress(estimate), tick(2), agents=2)
     assert paper.getvalue() == ""
 
 
@@ -151,43 +155,27 @@ def test_a_long_flight_writes_how_far_it_is(monkeypatch: pytest.MonkeyPatch) -> 
     assert paper.getvalue() == ""
 
 
-def test_how_long_a_flight_takes_is_not_estimated_in_a_short_one() -> None:
-    def estimate() -> float:
-        raise AssertionError
-
-    progress = FlightProgress(estimate)
-    progress.star_mission_started(flight(1), Operator())
-    progress.star_ticked(tick(1))
-    progress.star_mission_ended({})
-
-
 # On a terminal
 
 
-def test_on_a_terminal_every_agent_has_a_row(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_in_flight_every_agent_has_a_row_on_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
     screen = a_screen(monkeypatch)
     shown(FlightProgress(lambda: None), tick(2), agents=2)
-    rows = [
-        [cell.strip() for cell in line.split("│")[1:-1]] for line in screen.getvalue().splitlines()
-    ]
+    written = screen.getvalue()
+    rows = [[cell.strip() for cell in line.split("│")[1:-1]] for line in written.splitlines()]
     assert ["cf1", "taking off", "0.00", "0.00", "1.00", "4.00"] in rows
     assert ["cf2", "taking off", "1.00", "-1.00", "1.00", "4.00"] in rows
-    assert "1.2 s  takeoff cf1" in screen.getvalue()
-    assert "hop" in screen.getvalue()
+    assert "1.2 s  takeoff cf1" in written
+    assert "hop" in written
+    assert written.count(HIDE_CURSOR) == written.count(SHOW_CURSOR) == 1
+    assert written.rindex(SHOW_CURSOR) > written.rindex("agent")
 
 
 def test_agents_that_are_not_shown_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
     screen = a_screen(monkeypatch)
     shown(FlightProgress(lambda: None), tick(25), agents=25)
-    assert "cf25" in screen.getvalue() or "5 more" in screen.getvalue()
-
-
-def test_after_a_flight_the_table_is_gone(monkeypatch: pytest.MonkeyPatch) -> None:
-    screen = a_screen(monkeypatch)
-    shown(FlightProgress(lambda: None), tick(1), agents=1)
-    written = screen.getvalue()
-    assert written.count(HIDE_CURSOR) == written.count(SHOW_CURSOR) == 1
-    assert written.rindex(SHOW_CURSOR) > written.rindex("agent")
+    assert "and 5 more" in screen.getvalue()
+    assert "cf21" not in screen.getvalue()
 
 
 def test_on_a_terminal_events_stay_above_the_table(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -214,14 +202,14 @@ def test_a_flight_that_is_cut_short_gives_the_cursor_back(monkeypatch: pytest.Mo
 # From the command line
 
 
-def test_progress_goes_to_standard_error(capsys: pytest.CaptureFixture[str]) -> None:
+def test_progress_goes_to_standard_error(capsys: Said) -> None:
     assert main(["run", "hop.yaml", "--out", "out"]) == 0
     out, err = capsys.readouterr()
     assert events_in(err) == lines(json.loads(Path("out/summary.json").read_text()))
     assert "takeoff" not in out
 
 
-def test_json_is_shown_no_progress(capsys: pytest.CaptureFixture[str]) -> None:
+def test_json_is_shown_no_progress(capsys: Said) -> None:
     assert main(["run", "hop.yaml", "--no-record", "--json"]) == 0
     assert events_in(capsys.readouterr().err) == []
 
@@ -336,7 +324,7 @@ def test_plugins_are_not_blamed_unless_slower_than_real_time(changes: Mapping[st
     assert "slowest plugin" not in format_summary(summary(**changes), None)
 
 
-def test_a_dropped_observer_is_reported_once(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_dropped_observer_is_reported_once(capsys: Said) -> None:
     progress = FlightProgress(lambda: None)
     progress.star_event(Event(0.0, "observer", "watch is dropped"))  # its log has a warning of that
     progress.star_event(Event(0.0, "step", "takeoff begins"))

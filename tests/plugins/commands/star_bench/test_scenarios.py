@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from itertools import combinations
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -19,11 +20,10 @@ from star_bench.scenario import (
     PITCH,
     Scenario,
     grid_slot,
-    permutation,
     random_points,
     separated,
 )
-from star_bench.scenarios import CATALOGUE, MAX_AGENTS, Case, numbers
+from star_bench.scenarios import CATALOGUE, MAX_AGENTS, Case
 from star_core import Registry, load
 from star_yaml.world_loader import obstacle, obstacle_faults
 
@@ -48,29 +48,20 @@ def walls(scenario: Scenario) -> MultiPolygon | Polygon:
 
 
 @given(cases)
-def test_agents_start_and_end_apart(case: Case) -> None:
-    for places in spots(case.draw()):
+def test_agents_start_end_and_land_apart(case: Case) -> None:
+    scenario = case.draw()
+    for places in (*spots(scenario), [goal[:2] for goal in scenario.legs[-1]]):
         nearest = min(math.dist(a, b) for a, b in combinations(places, 2))
         assert nearest >= MIN_SEPARATION - ROUNDING > 2 * RADIUS
-
-
-@given(cases)
-def test_agents_land_apart(case: Case) -> None:
-    last = [goal[:2] for goal in case.draw().legs[-1]]
-    assert min(math.dist(a, b) for a, b in combinations(last, 2)) >= MIN_SEPARATION - ROUNDING
 
 
 @given(cases)
 def test_agents_start_and_end_well_inside_the_fence(case: Case) -> None:
     scenario = case.draw()
     for places in spots(scenario):
-        for point in places:
-            for axis in (0, 1):
-                assert (
-                    scenario.low[axis] + MIN_CLEARANCE
-                    <= point[axis]
-                    <= scenario.high[axis] - MIN_CLEARANCE
-                )
+        inside = np.array(places)[:, :2]
+        assert (inside >= np.add(scenario.low, MIN_CLEARANCE)).all()
+        assert (inside <= np.subtract(scenario.high, MIN_CLEARANCE)).all()
 
 
 @given(cases)
@@ -120,10 +111,6 @@ def test_every_scenario_is_a_mission_that_can_be_flown(
     assert mission.plugins["transport"].written == wanted
 
 
-def test_the_circle_is_flown_by_4_to_64() -> None:
-    assert numbers("circle") == (4, 8, 16, 32, 64)
-
-
 @pytest.mark.parametrize("agents", [4, 9, 64])
 def test_agents_on_a_circle_change_sides(agents: int) -> None:
     scenario = Case("circle", agents, 0).draw()
@@ -153,7 +140,7 @@ def test_agents_cross_from_four_sides() -> None:
 
 
 @pytest.mark.parametrize("name", ["corridor", "doorway"])
-@pytest.mark.parametrize("width", [0.8, 1.6, 4.0])
+@pytest.mark.parametrize("width", [0.8, 4.0])
 def test_a_corridor_and_a_door_are_as_wide_as_asked_for(name: str, width: float) -> None:
     scenario = Case(name, 8, 0, {"width": width}).draw()
     built = walls(scenario)
@@ -164,10 +151,6 @@ def test_a_corridor_and_a_door_are_as_wide_as_asked_for(name: str, width: float)
 def wall_reaches_the_fence(scenario: Scenario, side: int) -> bool:
     far = scenario.high[1] if side > 0 else scenario.low[1]
     return walls(scenario).distance(Point(0, far)) < ROUNDING
-
-
-def test_a_corridor_is_eight_radii_wide_by_default() -> None:
-    assert walls(Case("corridor", 8, 0).draw()).distance(Point(0, 0)) == pytest.approx(4 * RADIUS)
 
 
 def test_agents_in_a_corridor_meet_head_on() -> None:
@@ -217,10 +200,3 @@ def test_a_field_that_is_too_small_has_no_room() -> None:
 def test_places_in_rows_are_a_pitch_apart(n: int, lanes: int) -> None:
     places = [(row * PITCH, aside) for row, aside in (grid_slot(i, lanes) for i in range(n))]
     assert all(separated(p, places[:i], PITCH - ROUNDING) for i, p in enumerate(places))
-
-
-@given(st.integers(0, 50), st.integers(0, 99))
-def test_shuffling_loses_no_agent(n: int, seed: int) -> None:
-    from random import Random
-
-    assert sorted(permutation(n, Random(seed))) == list(range(n))  # noqa: S311 -- no secret

@@ -14,42 +14,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from star_core import Run, read_run
+from star_core import Run
 from star_core.commands.main import main
 from star_core.toolkit import Progress
-
-ROOM = "star: 1\nname: room\nfence: {low: [-2, -2, 0], high: [2, 2, 2]}\n"
-HOP = """\
-star: 1
-name: hop
-world: room.yaml
-seed: 7
-swarm: {cf1: {start: [-0.5, 0, 0]}, cf2: {start: [0.5, 0, 0], yaw_deg: 90}}
-transport: sim
-localizer: flow
-planner: straight
-avoider: orca
-mission:
-  - takeoff: {height: 0.4, speed: 0.5}
-  - goto: {agents: cf1, by: [0.2, 0.4, 0]}
-  - land: {speed: 0.5}
-"""
-
-
-@pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
-    folder = tmp_path_factory.mktemp("export")
-    (folder / "room.yaml").write_text(ROOM)
-    (folder / "hop.yaml").write_text(HOP)
-    assert main(["run", str(folder / "hop.yaml"), "--out", str(folder / "run")]) == 0
-    return read_run(folder / "run")
+from tests.commands import Said
 
 
 def test_evo_computes_the_position_error_of_the_summary(
-    run: Run, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    run: Run, tmp_path: Path, capsys: Said
 ) -> None:
     """evo is GPL-3: it is called as a program, and not imported."""
-    assert main(["export", str(run.folder), "--format", "tum"]) == 0
+    assert main(["export", str(run.folder), "--format", "tum", "-o", str(tmp_path)]) == 0
     files = capsys.readouterr().out.splitlines()
     assert [Path(file).name for file in files] == [
         "cf1-estimate.tum", "cf1-ground_truth.tum", "cf2-estimate.tum", "cf2-ground_truth.tum",
@@ -93,16 +68,14 @@ def test_a_flight_without_ground_truth_has_estimates_only(run: Run, tmp_path: Pa
     assert len(list((tmp_path / "tum").iterdir())) == 2
 
 
-def test_a_folder_that_cannot_be_made_is_reported(
-    run: Run, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_folder_that_cannot_be_made_is_reported(run: Run, tmp_path: Path, capsys: Said) -> None:
     (tmp_path / "file").touch()
     assert main(["export", str(run.folder), "--format", "tum", "-o", str(tmp_path / "file")]) == 2
     assert "[unwritable-file]" in capsys.readouterr().err
 
 
 def test_an_export_that_takes_long_shows_its_progress(
-    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Said
 ) -> None:
     monkeypatch.setattr("star_export.command.Progress", partial(Progress, announced=True))
     command = ["export", str(run.folder), "--format", "tum", "-o", str(tmp_path)]

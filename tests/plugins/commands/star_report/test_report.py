@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 import pytest
 
-from star_core import AgentPhase, InputError, Registry, Run, hookimpl, read_run
+from star_core import AgentPhase, InputError, Registry, Run, hookimpl
 from star_core.commands import write_report
 from star_core.commands.main import main
 from star_core.toolkit import WrittenReport
@@ -21,43 +21,12 @@ from star_report.charts import series, tick_times
 from star_report.page import page
 from star_report.series import clearance, errors, separation
 from star_report.views import replay, top_view
+from tests.commands import Said
 from tests.plugins.commands.star_view.chromium import CHROMIUM, Chromium
-
-MISSION = """\
-star: 1
-name: swap
-world: room.yaml
-seed: 7
-swarm: {cf1: {start: [-0.6, 0, 0]}, cf2: {start: [0.6, 0.1, 0]}}
-transport: sim
-localizer: flow
-planner: straight
-avoider: orca
-mission:
-  - takeoff: {height: 0.4, speed: 0.5}
-  - goto: {agents: cf1, by: [0.6, 0.5, 0]}
-  - land: {speed: 0.5}
-"""
-WORLD = """\
-star: 1
-name: room
-fence: {low: [-2, -2, 0], high: [2, 2, 2]}
-obstacles: {pillar: {polygon: [[1, 1], [1.2, 1], [1.2, 1.2], [1, 1.2]], height: [0, 2]}}
-landmarks: {door: {tags: [300, 301], size: 0.05, at: [0, 1.5, 0]}}
-"""
-
-
-@pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
-    folder = tmp_path_factory.mktemp("report")
-    (folder / "room.yaml").write_text(WORLD)
-    (folder / "swap.yaml").write_text(MISSION)
-    assert main(["run", str(folder / "swap.yaml"), "--out", str(folder / "run")]) == 0
-    return read_run(folder / "run")
 
 
 def test_the_page_needs_no_network_and_shows_all_sections(
-    run: Run, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    run: Run, tmp_path: Path, capsys: Said
 ) -> None:
     out = tmp_path / "page.html"
     assert main(["report", str(run.folder), "-o", str(out)]) == 0
@@ -228,9 +197,7 @@ def test_the_longest_ticks_are_shown_however_long_the_flight(run: Run) -> None:
     assert list(tick_times(replace(run, timing={}))) == []
 
 
-def test_a_flight_reports_on_request(
-    run: Run, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_flight_reports_on_request(run: Run, tmp_path: Path, capsys: Said) -> None:
     mission = str(run.folder.parent / "swap.yaml")
     out = tmp_path / "out"
     assert main(["run", mission, "--out", str(out), "--report"]) == 0
@@ -241,7 +208,7 @@ def test_a_flight_reports_on_request(
 
 
 def test_reports_without_plotly_name_the_package_before_flight(
-    run: Run, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    run: Run, monkeypatch: pytest.MonkeyPatch, capsys: Said
 ) -> None:
     monkeypatch.setattr("star_report.command.find_spec", lambda _name: None)
     mission = str(run.folder.parent / "swap.yaml")
@@ -280,7 +247,7 @@ def test_reports_are_written_by_a_hook(plugins: tuple[object, ...], line: str) -
 
 @pytest.mark.parametrize("missing", ["manifest.json", "summary.json", "trajectory.npz"])
 def test_an_incomplete_record_is_refused(
-    missing: str, run: Run, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    missing: str, run: Run, tmp_path: Path, capsys: Said
 ) -> None:
     for file in run.folder.iterdir():
         if file.name != missing:

@@ -10,19 +10,18 @@ import cv2
 import numpy as np
 import pytest
 
-import star_tags
 from star_core import InputError, Registry
-from star_core.commands import run_command
 from star_core.toolkit import PAPERS, TAG_RIM, TAG_SIZE, Fill, Text, rectangle
 from star_core.toolkit.printed_page import coordinate
 from star_tags.plan import plan_pages
 from star_tags.sheet import BAR, STRIP, Sheet, lay_out
 from star_tags.world import pages
 from star_yaml import schema as schemas
-from tests.commands import command
+from tests.commands import Said, command
 
 main = command("tags")
 
+World: TypeAlias = Callable[[str], Path]
 Areas: TypeAlias = list[tuple[float, list[list[tuple[float, float]]]]]
 Sheets: TypeAlias = Callable[..., list[tuple[tuple[float, float], Areas, list[str]]]]
 
@@ -39,7 +38,7 @@ FINE = 4  # pixels a millimetre
 
 
 @pytest.fixture
-def world(tmp_path: Path) -> Callable[[str], Path]:
+def world(tmp_path: Path) -> World:
     def write(text: str) -> Path:
         path = tmp_path / "lab.yaml"
         path.write_text(HEAD + text, encoding="utf-8")
@@ -70,7 +69,7 @@ def seen(picture: np.ndarray) -> tuple[list[int], np.ndarray]:
 
 @pytest.mark.parametrize("form", ["pdf", "svg"])
 def test_each_page_shows_its_tag_upright_and_in_true_size(
-    form: str, world: Callable[[str], Path], sheets: Sheets
+    form: str, world: World, sheets: Sheets
 ) -> None:
     for (tag, edge), (size, areas, _) in zip(EDGES.items(), sheets(world(TAGS), form), strict=True):
         found, corners = seen(printed(size, areas))
@@ -81,9 +80,7 @@ def test_each_page_shows_its_tag_upright_and_in_true_size(
 
 
 @pytest.mark.parametrize("form", ["pdf", "svg"])
-def test_the_black_square_has_the_very_size(
-    form: str, world: Callable[[str], Path], sheets: Sheets
-) -> None:
+def test_the_black_square_has_the_very_size(form: str, world: World, sheets: Sheets) -> None:
     for edge, (_, areas, _) in zip(EDGES.values(), sheets(world(TAGS), form), strict=True):
         tag = np.array([corner for outline in areas[0][1] for corner in outline])
         assert np.ptp(tag, axis=0) == pytest.approx([edge, edge], abs=1e-3)
@@ -92,14 +89,14 @@ def test_the_black_square_has_the_very_size(
 @pytest.mark.parametrize("form", ["pdf", "svg"])
 @pytest.mark.parametrize("paper", PAPERS)
 def test_a_page_is_as_large_as_the_paper(
-    form: str, paper: str, world: Callable[[str], Path], sheets: Sheets
+    form: str, paper: str, world: World, sheets: Sheets
 ) -> None:
     for size, _, _ in sheets(world(TAGS), form, paper):
         assert size == pytest.approx(PAPERS[paper], abs=1e-3)
 
 
 @pytest.mark.parametrize("form", ["pdf", "svg"])
-def test_the_rim_is_white(form: str, world: Callable[[str], Path], sheets: Sheets) -> None:
+def test_the_rim_is_white(form: str, world: World, sheets: Sheets) -> None:
     for edge, (size, areas, _) in zip(EDGES.values(), sheets(world(TAGS), form), strict=True):
         picture = printed(size, areas)
         tag = FINE * np.array([corner for outline in areas[0][1] for corner in outline])
@@ -115,7 +112,7 @@ def test_the_rim_is_white(form: str, world: Callable[[str], Path], sheets: Sheet
 
 @pytest.mark.parametrize("form", ["pdf", "svg"])
 def test_a_page_has_a_bar_of_100_mm_and_an_arrow_that_points_up(
-    form: str, world: Callable[[str], Path], sheets: Sheets
+    form: str, world: World, sheets: Sheets
 ) -> None:
     for _, areas, _ in sheets(world(TAGS), form):
         _, _, (_, bar), (_, (shaft, head)) = areas
@@ -130,7 +127,7 @@ def test_a_page_has_a_bar_of_100_mm_and_an_arrow_that_points_up(
 
 @pytest.mark.parametrize("form", ["pdf", "svg"])
 def test_a_page_shows_the_number_and_the_position_of_its_tag(
-    form: str, world: Callable[[str], Path], sheets: Sheets
+    form: str, world: World, sheets: Sheets
 ) -> None:
     texts = [page[2] for page in sheets(world(TAGS), form)]
     assert [lines[0] for lines in texts] == [f"tag {number}" for number in EDGES]
@@ -201,7 +198,7 @@ def test_the_black_modules_of_a_tag_do_not_overlap() -> None:
     ],
 )
 def test_unprintable_tags_are_reported_with_locations(
-    tags: str, paper: str, found: list[str], world: Callable[[str], Path]
+    tags: str, paper: str, found: list[str], world: World
 ) -> None:
     path = world(tags)
     with pytest.raises(InputError) as caught:
@@ -210,7 +207,7 @@ def test_unprintable_tags_are_reported_with_locations(
     assert [words for words in found if words not in message] == []
 
 
-def test_a_world_without_tags_is_refused(world: Callable[[str], Path]) -> None:
+def test_a_world_without_tags_is_refused(world: World) -> None:
     path = world("")
     with pytest.raises(InputError) as caught:
         main([str(path)])
@@ -221,11 +218,7 @@ def test_a_world_without_tags_is_refused(world: Callable[[str], Path]) -> None:
     ("out", "code"), [("tags.png", "invalid-argument"), ("nowhere/tags.pdf", "unwritable-file")]
 )
 def test_a_file_that_cannot_be_written_is_refused(
-    out: str,
-    code: str,
-    world: Callable[[str], Path],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    out: str, code: str, world: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     with pytest.raises(InputError) as caught:
@@ -235,10 +228,7 @@ def test_a_file_that_cannot_be_written_is_refused(
 
 
 def test_without_a_name_the_file_is_called_after_the_world(
-    world: Callable[[str], Path],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    world: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Said
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert main([str(world(TAGS))]) == 0
@@ -254,12 +244,6 @@ def test_the_size_is_the_default_of_worlds() -> None:
     assert sheet["size"]["default"] == TAG_SIZE
 
 
-def test_the_plugin_offers_the_command_tags(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit):
-        run_command("tags", ["--help"], Registry(star_tags, installed=False))
-    assert "--paper" in capsys.readouterr().out
-
-
 def test_a_rectangle_goes_round_anticlockwise() -> None:
     assert rectangle((0, 0), 2, 1) == ((0, 0), (2, 0), (2, 1), (0, 1))
 
@@ -269,19 +253,10 @@ def test_a_number_is_written_without_exponent_or_idle_noughts(value: float, text
     assert coordinate(value) == text
 
 
-@pytest.mark.parametrize("flag", ["-o", "--out"])
-def test_where_sheets_go_has_two_names(
-    flag: str, world: Callable[[str], Path], tmp_path: Path
-) -> None:
-    out = tmp_path / "sheets.pdf"
-    assert main([str(world(TAGS)), flag, str(out)]) == 0
-    assert out.exists()
-
-
 # The plan
 
 
-def test_the_plan_shows_each_tag_to_scale(world: Callable[[str], Path]) -> None:
+def test_the_plan_shows_each_tag_to_scale(world: World) -> None:
     plan, table = plan_pages(world(TAGS), "a4", Registry())
     assert (plan.width, plan.height) == PAPERS["a4"]
     texts = [mark for mark in plan.marks if isinstance(mark, Text)]
@@ -298,7 +273,7 @@ def test_the_plan_shows_each_tag_to_scale(world: Callable[[str], Path]) -> None:
     assert {"4.808", "3.453"} <= set(cells)  # from A and B to the corner, m
 
 
-def test_a_long_table_continues_on_further_pages(world: Callable[[str], Path]) -> None:
+def test_a_long_table_continues_on_further_pages(world: World) -> None:
     lines = [f"  t{i}: {{tags: [{i}], at: [{i % 10 / 5 - 1}, {i // 10 / 5 - 1}, 0], size: 0.05}}"
              for i in range(60)]  # fmt: skip
     pages_ = plan_pages(world("landmarks:\n" + "\n".join(lines) + "\n"), "a4", Registry())
@@ -308,14 +283,14 @@ def test_a_long_table_continues_on_further_pages(world: Callable[[str], Path]) -
         assert min(tops) > 10
 
 
-def test_a_plan_that_is_too_large_is_an_error(world: Callable[[str], Path]) -> None:
+def test_a_plan_that_is_too_large_is_an_error(world: World) -> None:
     path = world(TAGS)
     path.write_text(path.read_text(encoding="utf-8").replace("[2, 2, 2]", "[900, 2, 2]"))
     with pytest.raises(InputError, match="too large for a plan"):
         plan_pages(path, "a4", Registry())
 
 
-def test_the_command_writes_a_plan(world: Callable[[str], Path], tmp_path: Path) -> None:
+def test_the_command_writes_a_plan(world: World, tmp_path: Path) -> None:
     out = tmp_path / "plan.pdf"
-    assert main([str(world(TAGS)), "--plan", "--out", str(out)]) == 0
+    assert main([str(world(TAGS)), "--plan", "-o", str(out)]) == 0
     assert out.read_bytes().count(b"/Type /Page ") == 2

@@ -30,6 +30,7 @@ from star_view.page import LOOPBACK, Page, open_page
 from star_view.plan_scene import PlannedStep, add_plan, planned_steps
 from star_view.replay import Replay
 from star_view.swarm_scene import DASH, Footprint
+from tests.commands import Said
 from tests.conftest import ROOM
 from tests.plugins.commands.star_view.browser import Browser
 from tests.waiting import eventually
@@ -226,9 +227,7 @@ def test_a_replay_shows_the_saved_images_with_the_detected_tags(
     assert green == {10: False, 22: False, 26: True, 45: False}
 
 
-def test_unrehearsed_missions_are_shown_without_a_plan(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_unrehearsed_missions_are_shown_without_a_plan(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("STAR_BLOCK_PLUGINS", "explain")
     registry = Registry()
     assert planned_steps(load(FIRST_FLIGHT, registry), registry) == []
@@ -251,7 +250,7 @@ def test_a_camera_that_looks_down_sees_the_floor_below_it() -> None:
 
 
 def test_a_world_is_shown_anew_when_it_is_saved(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Said
 ) -> None:
     world = tmp_path / "room.yaml"
     pillar = "obstacles: {pillar: {box: {centre: [1, 0], size: [1, 1]}, height: [0, 2]}}\n"
@@ -316,9 +315,7 @@ def test_ctrl_c_ends_it(hop: Path) -> None:
         assert b"Traceback" not in view.stderr.read()
 
 
-def test_what_holds_no_flight_is_refused(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_holds_no_flight_is_refused(tmp_path: Path, capsys: Said) -> None:
     assert main(["view", str(tmp_path)]) == 2
     assert "[no-record]" in capsys.readouterr().err
     with pytest.raises(Exception, match="no-record"):
