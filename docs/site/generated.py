@@ -36,10 +36,7 @@ WRITE: Final = {kind: f"../plugins/{kind}.md" for kind in KINDS} | {"task": "../
 ABOUT: Final = {"sim": "simulator.md", "radio": "hardware.md"}  # pages on transports
 
 GROUPS: Final = {  # page, title, and prefixes of the modules whose public names it has
-    "flights": (
-        "Flights and records",
-        ("runner", "operator", "mission", "formats", "records"),
-    ),
+    "flights": ("Flights and records", ("runner", "operator", "mission", "formats", "records")),
     "contracts": ("Contracts and specs", ("contracts", "plugin_support")),
     "messages": ("Tables", ("messages",)),
     "scene": ("Scene and world", ("world",)),

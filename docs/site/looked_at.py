@@ -211,13 +211,10 @@ def _terminal(folder: Path, name: str, terminal: Terminal, columns: int) -> None
         shutil.rmtree(target) if target.is_dir() else target.unlink(missing_ok=True)
     tmux = ["tmux", "-L", f"star-looked-at-{columns}"]
     line = terminal.command.replace("star", shlex.quote(str(STAR)), 1)
-    shell = f"cd {shlex.quote(str(folder))}; TERM=xterm-256color {line}; sleep 1000"
-    done = f"cd {shlex.quote(str(folder))}; TERM=xterm-256color {line}; touch done; sleep 1000"
+    shell = f"cd {shlex.quote(str(folder))}; TERM=xterm-256color {line}; touch done; sleep 1000"
     marker = folder / "done"
     marker.unlink(missing_ok=True)
-    start = ["new-session", "-d", "-x", str(columns), "-y", "50", done if terminal.after is None
-             else shell]  # fmt: skip
-    subprocess.run([*tmux, *start], check=True)
+    subprocess.run([*tmux, "new-session", "-d", "-x", str(columns), "-y", "50", shell], check=True)
     try:
         deadline = time.monotonic() + (terminal.after or PATIENCE)
         while not marker.exists() and time.monotonic() < deadline:

@@ -19,7 +19,7 @@ def configure(registry: Registry, line: ArgumentParser) -> None:
         nargs="?",
         default="mission",
         choices=[kind.name for kind in kinds if kind.schema is not None],
-        help="kind of file: %(default)s",
+        help="kind of file: mission",
     )
     line.add_argument("--out", metavar="FILE", help="write to FILE instead of printing")
 

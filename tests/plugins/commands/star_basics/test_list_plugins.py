@@ -357,6 +357,13 @@ class Greeter:
         return [CommandSpec(name="greet", summary="Greets.", configure=configure, run=greet)]
 
 
+def test_every_command_has_help(said: Said) -> None:
+    for name in Registry().names("command"):
+        with pytest.raises(SystemExit, match="0"):
+            main([name, "--help"])
+        assert said.readouterr().out.startswith(f"usage: star {name} ")
+
+
 def test_plugin_commands_receive_options_and_return_the_status(
     with_plugin: Callable[[object], None],
 ) -> None:
