@@ -61,21 +61,14 @@ def test_plugins_import_the_public_api_only() -> None:
 @pytest.mark.parametrize(
     ("importer", "imported", "expected"),
     [
-        ("star_none", "star_core", True),
         ("star_none", "star_core.toolkit", True),
-        ("star_none", "star_core.testing", True),
-        ("star_none.planted", "star_core.commands", True),
         ("star_none", "star_core.toolkit.jit", False),
-        ("star_none", "star_core.commands.output", False),
-        ("star_none", "star_core.vehicle_interface", False),
         ("star_none", "star_orca", False),
-        ("star_none", "star_orca.kernel", False),
         ("star_fleet.server", "star_sim.kernel", True),
         ("star_fleet.server", "star_sim.camera_sim", False),
         ("star_core.runner", "star_sim", False),
         ("star_radio.orders", "cflib", True),
         ("star_none", "cflib", False),
-        ("star_core.runner", "cflib", False),
         ("star_none", "numpy", True),
     ],
 )

@@ -46,15 +46,10 @@ def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
 
 
-@pytest.fixture
-def place() -> Callable[[str, str], str]:
-    """Put a file into the folder one is in, and return its name."""
-
-    def put(name: str, text: str) -> str:
-        Path(name).write_text(text, encoding="utf-8")
-        return name
-
-    return put
+def place(name: str, text: str) -> str:
+    """Put a file into the working folder, and return its name."""
+    Path(name).write_text(text, encoding="utf-8")
+    return name
 
 
 @pytest.fixture
@@ -69,7 +64,7 @@ def take(capsys: pytest.CaptureFixture[str]) -> Import:
 
 
 @pytest.fixture
-def commands(place: Callable[[str, str], str], take: Import) -> Callable[..., Mission]:
+def commands(take: Import) -> Callable[..., Mission]:
     """Import a mission of the original with two robots, and load what came out."""
 
     def flown(text: str, *arguments: str) -> Mission:

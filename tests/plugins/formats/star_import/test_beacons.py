@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,9 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from star_core import Registry, World, load
 from star_core.toolkit import rotation_from_quaternion
-from tests.plugins.formats.star_import.conftest import ROBOTS, Import, refusals
-
-Put = Callable[[str, str], str]
+from tests.plugins.formats.star_import.conftest import ROBOTS, Import, place, refusals
 
 ANCHORS = "".join(
     f"{k}:\n  x: {x}\n  y: {y}\n  z: 0.2\n" for k, (x, y) in enumerate([(0, 0), (4, 0), (4, 5)])
@@ -59,7 +57,7 @@ def test_base_stations_of_cflib_keep_their_poses(angles: Sequence[float], take: 
     assert rotation == pytest.approx(matrix, abs=1e-3)
 
 
-def test_fence_of_a_world_is_between_its_anchors(place: Put, take: Import) -> None:
+def test_fence_of_a_world_is_between_its_anchors(take: Import) -> None:
     place("room.yaml", ANCHORS)
     text = "assumed room.yaml:2:3: the fence is from [0, 0, 0] to [4, 5, 2.2] m, between them"
     assert take("room.yaml") == [text]
@@ -72,9 +70,7 @@ def test_fence_of_a_world_is_between_its_anchors(place: Put, take: Import) -> No
 @pytest.mark.parametrize(
     ("file", "system"), [(GEOMETRY, "lighthouse"), (ANCHORS, "loco"), ("", "flow")]
 )
-def test_robots_are_flown_by_the_system_beside_them(
-    file: str, system: str, place: Put, take: Import
-) -> None:
+def test_robots_are_flown_by_the_system_beside_them(file: str, system: str, take: Import) -> None:
     place("crazyflies.yaml", ROBOTS)
     place("lab.yaml", file or "camera_matrix: [1, 0, 1, 0, 1, 1, 0, 0, 1]\n"
           "distortion_coefficients: [0]\n")  # fmt: skip
@@ -85,12 +81,12 @@ def test_robots_are_flown_by_the_system_beside_them(
     assert mission.scene.onboard_system == (None if system == "flow" else system)
 
 
-def test_anchor_without_height_is_refused(place: Put) -> None:
+def test_anchor_without_height_is_refused() -> None:
     place("room.yaml", ANCHORS.replace("  z: 0.2\n", "", 1))
     assert refusals("room.yaml") == ["room.yaml:2:3 [missing-option]"]
 
 
-def test_beacons_that_span_no_room_need_a_fence(place: Put) -> None:
+def test_beacons_that_span_no_room_need_a_fence() -> None:
     place("lab.yaml", GEOMETRY.replace("1.9, 1.9", "-1.9, 1.9", 1))
     assert refusals("lab.yaml") == ["lab.yaml:4:6 [missing-option]"]
     assert not Path("imported").exists()

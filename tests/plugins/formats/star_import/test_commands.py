@@ -16,9 +16,8 @@ from star_core.formats.located import Data, Mark
 from star_core.toolkit import actions
 from star_import.import_log import ImportLog
 from star_import.records import records
-from tests.plugins.formats.star_import.conftest import ROBOTS, Import, refusals
+from tests.plugins.formats.star_import.conftest import ROBOTS, Import, place, refusals
 
-Put = Callable[[str, str], str]
 Fly = Callable[..., Mission]
 """A mission's commands, and options, to the mission that comes out."""
 
@@ -105,13 +104,13 @@ def test_names_with_an_underscore_between_are_two(commands: Fly) -> None:
     assert steps(commands('"takeoff", "wait", "cf1_cf2", "", ""'))[0][1] == (0, 1)
 
 
-def test_empty_command_lists_give_an_empty_mission(place: Put, take: Import) -> None:
+def test_empty_command_lists_give_an_empty_mission(take: Import) -> None:
     place("empty.yaml", "command_sequence: [\n  # a comment\n]\n")
     told = take("empty.yaml", "--agent", "cf1=0,0")
     assert "assumed command_sequence: is empty, and so is the mission" in told
 
 
-def test_a_record_without_a_task_is_reported_and_marked(place: Put, take: Import) -> None:
+def test_a_record_without_a_task_is_reported_and_marked(take: Import) -> None:
     place("m.yaml", 'command_sequence: ["", "wait", "all", "", ""]\n')
     told = take("m.yaml", "--agent", "cf1=0,0")
     assert "ignored m.yaml:1:20: records without a task are skipped" in told
@@ -138,14 +137,14 @@ def test_what_is_doubtful_is_reported(commands: Fly, take: Import, record: str, 
     assert [line for line in described if line.startswith(told)]
 
 
-def test_a_mission_without_robots_is_refused(place: Put) -> None:
+def test_a_mission_without_robots_is_refused() -> None:
     place("m.yaml", "command_sequence: []\n")
     assert refusals("m.yaml") == ["m.yaml [invalid-input]"]
     place("m.yaml", 'command_sequence: ["land", "wait", "cf2", "", ""]')
     assert refusals("m.yaml") == ["m.yaml [invalid-input]", "m.yaml:1:36 [invalid-input]"]
 
 
-def test_nothing_is_overwritten_by_default(place: Put, take: Import) -> None:
+def test_nothing_is_overwritten_by_default(take: Import) -> None:
     place("m.yaml", "command_sequence: []\n")
     take("m.yaml", "--agent", "cf1=0,0")
     assert refusals("m.yaml", "--agent", "cf1=0,0") == [
@@ -155,7 +154,7 @@ def test_nothing_is_overwritten_by_default(place: Put, take: Import) -> None:
     take("m.yaml", "--agent", "cf1=0,0", "--force")
 
 
-def test_an_import_does_not_write_over_what_it_read(place: Put) -> None:
+def test_an_import_does_not_write_over_what_it_read() -> None:
     place("crazyflies.yaml", ROBOTS)
     assert refusals("crazyflies.yaml", "--out", ".") == ["crazyflies.yaml [invalid-input]"]
 

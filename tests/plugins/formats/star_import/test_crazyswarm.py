@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from star_core import InputError, Registry, fly, load
 from star_core.toolkit import Parallel, actions
-from tests.plugins.formats.star_import.conftest import ROBOTS, Import, refusals
+from tests.plugins.formats.star_import.conftest import ROBOTS, Import, place, refusals
 
-Put = Callable[[str, str], str]
 ORDER = range(8)
 HEADER = "Duration," + ",".join(f"{axis}^{i}" for axis in ("x", "y", "z", "yaw") for i in ORDER)
 
@@ -25,7 +23,7 @@ def trajectory(way: float, duration: float) -> str:
     return "\n".join(lines) + "\n"
 
 
-def test_robots_become_agents_with_their_links(place: Put, take: Import) -> None:
+def test_robots_become_agents_with_their_links(take: Import) -> None:
     place("crazyflies.yaml", ROBOTS)
     take("crazyflies.yaml")
     agents = load(Path("imported/crazyflies.yaml"), Registry()).scene.agents
@@ -35,7 +33,7 @@ def test_robots_become_agents_with_their_links(place: Put, take: Import) -> None
     ]
 
 
-def test_what_is_left_out_of_robots_is_reported(place: Put, take: Import) -> None:
+def test_what_is_left_out_of_robots_is_reported(take: Import) -> None:
     place("crazyflies.yaml", ROBOTS + "all: {firmware_logging: {enabled: true}}\n")
     told = take("crazyflies.yaml")
     assert "ignored crazyflies.yaml:4:8: cf3: is not enabled" in told
@@ -43,20 +41,20 @@ def test_what_is_left_out_of_robots_is_reported(place: Put, take: Import) -> Non
     assert [line for line in told if "a: voltage_critical has no effect" in line]
 
 
-def test_agents_that_start_near_each_other_have_a_smaller_radius(place: Put, take: Import) -> None:
+def test_agents_that_start_near_each_other_have_a_smaller_radius(take: Import) -> None:
     place("crazyflies.yaml", ROBOTS.replace("[-1.0, 0.0, 0.0]", "[-0.3, 0.0, 0.0]"))
     told = take("crazyflies.yaml")
     radius = "the avoider's radius is 0.15 m instead of 0.2"
     assert f"changed crazyflies: agents start 0.3 m apart; {radius}" in told
 
 
-def test_an_agent_that_is_named_twice_is_refused(place: Put) -> None:
+def test_an_agent_that_is_named_twice_is_refused() -> None:
     place("crazyflies.yaml", ROBOTS)
     refused = refusals("crazyflies.yaml", "--agent", "cf1=2,2")
     assert refused == ["--agent cf1=2,2 [invalid-input]"]
 
 
-def test_a_trajectory_is_copied_and_followed(place: Put, take: Import) -> None:
+def test_a_trajectory_is_copied_and_followed(take: Import) -> None:
     place("eight.csv", trajectory(0.5, 4.0))
     told = take("eight.csv", "--agent", "cf1=0,0")
     units = "durations are in s, positions in m, yaw in rad; relative to where an agent is"
@@ -66,13 +64,13 @@ def test_a_trajectory_is_copied_and_followed(place: Put, take: Import) -> None:
     assert Path("imported/paths/eight.csv").read_text("utf-8") == trajectory(0.5, 4.0)
 
 
-def test_two_trajectories_of_one_name_are_refused(place: Put) -> None:
+def test_two_trajectories_of_one_name_are_refused() -> None:
     Path("other").mkdir()
     files = [place(name, trajectory(0.5, 4.0)) for name in ("eight.csv", "other/eight.csv")]
     assert refusals(*files, "--agent", "cf1=0,0") == ["other/eight.csv [invalid-input]"]
 
 
-def test_excessively_fast_trajectories_suggest_a_timescale(place: Put, take: Import) -> None:
+def test_excessively_fast_trajectories_suggest_a_timescale(take: Import) -> None:
     place("eight.csv", trajectory(2.0, 4.0))
     with pytest.raises(InputError) as raised:
         take("eight.csv", "--agent", "cf1=0,0")
@@ -89,7 +87,7 @@ def test_a_file_that_is_not_there_is_reported(name: str) -> None:
     assert refusals(name) == [f"{name} [invalid-input]"]
 
 
-def test_every_voltage_of_a_battery_is_reported(place: Put, take: Import) -> None:
+def test_every_voltage_of_a_battery_is_reported(take: Import) -> None:
     both = "{voltage_critical: 3.7, voltage_warning: 3.8}"
     place("crazyflies.yaml", ROBOTS.replace("{voltage_critical: 3.7}", both))
     told = take("crazyflies.yaml")
@@ -97,7 +95,7 @@ def test_every_voltage_of_a_battery_is_reported(place: Put, take: Import) -> Non
     assert [line for line in told if "types.battery.voltage_warning: is not supported" in line]
 
 
-def test_numbers_that_are_in_no_file_are_reported(place: Put, take: Import) -> None:
+def test_numbers_that_are_in_no_file_are_reported(take: Import) -> None:
     place("crazyflies.yaml", ROBOTS)
     told = take("crazyflies.yaml")
     assert "assumed limits: speed 0.5 m/s, heights 0.2 to 2 m: no config.yaml" in told
@@ -107,7 +105,7 @@ def test_numbers_that_are_in_no_file_are_reported(place: Put, take: Import) -> N
     assert "assumed limits: speed 0.2 m/s, heights 0.5 to 2 m: no config.yaml" in told
 
 
-def test_trajectories_of_agents_are_flown_at_once(place: Put, take: Import) -> None:
+def test_trajectories_of_agents_are_flown_at_once(take: Import) -> None:
     place("crazyflies.yaml", ROBOTS)
     place("one.csv", trajectory(0.5, 4.0))
     place("two.csv", trajectory(0.4, 4.0))
@@ -132,7 +130,7 @@ def test_trajectories_of_agents_are_flown_at_once(place: Put, take: Import) -> N
         ("cf1=no.csv", "--trajectory cf1=no.csv [file-not-found]"),
     ],
 )
-def test_trajectories_of_no_agent_are_refused(place: Put, option: str, problem: str) -> None:
+def test_trajectories_of_no_agent_are_refused(option: str, problem: str) -> None:
     place("crazyflies.yaml", ROBOTS)
     place("one.csv", trajectory(0.5, 4.0))
     assert refusals("crazyflies.yaml", "--trajectory", option) == [problem]
@@ -146,7 +144,7 @@ def with_gap(gap: float) -> str:
     return "\n".join([header, first, ",".join(cells)]) + "\n"
 
 
-def test_gaps_are_bridged_on_request(place: Put, take: Import) -> None:
+def test_gaps_are_bridged_on_request(take: Import) -> None:
     place("gap.csv", with_gap(0.3))
     assert refusals("gap.csv", "--agent", "cf1=0,0") == ["gap.csv [invalid-trajectory]"]
     notes = take("gap.csv", "--agent", "cf1=0,0", "--bridge-gaps")
@@ -163,7 +161,7 @@ def test_gaps_are_bridged_on_request(place: Put, take: Import) -> None:
     assert fly(mission, Registry())["outcome"] == "completed"
 
 
-def test_pieces_that_a_drone_cannot_hold_are_refused_by_name(place: Put, take: Import) -> None:
+def test_pieces_that_a_drone_cannot_hold_are_refused_by_name(take: Import) -> None:
     header, *pieces = trajectory(0.2, 2.0).splitlines()
     place("long.csv", "\n".join([header, *(pieces * 16)]) + "\n")
     agent = ("--agent", "cf1=0,0")

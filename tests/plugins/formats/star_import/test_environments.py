@@ -9,9 +9,8 @@ import pytest
 
 from star_core import Registry, World, load
 from star_core.toolkit import actions
-from tests.plugins.formats.star_import.conftest import Import, refusals
+from tests.plugins.formats.star_import.conftest import Import, place, refusals
 
-Put = Callable[[str, str], str]
 OBSTACLE = """\
 environment:
   obstacles:
@@ -31,7 +30,7 @@ april_tags:
 
 
 @pytest.fixture
-def world(place: Put, take: Import) -> Callable[..., World]:
+def world(take: Import) -> Callable[..., World]:
     """Import an environment and return the world that came out."""
 
     def made(text: str, *arguments: str) -> World:
@@ -67,14 +66,14 @@ def test_points_without_a_key_point_are_absolute(world: World_) -> None:
     assert not obstacle.contains((0.0, 1.15, 1.0))
 
 
-def test_a_point_that_is_repeated_and_an_odd_number_are_reported(place: Put, take: Import) -> None:
+def test_a_point_that_is_repeated_and_an_odd_number_are_reported(take: Import) -> None:
     place("lab.yaml", OBSTACLE.format(offsets="true", points="[1, 1, 0, 0, 0, 1, 7]"))
     told = take("lab.yaml")
     assert "ignored lab.yaml:7:15: obs0: the last number of 'points' has no pair" in told
     assert "ignored lab.yaml:7:15: obs0: a point is repeated" in told
 
 
-def test_the_fence_is_drawn_around_everything_and_reported(place: Put, take: Import) -> None:
+def test_the_fence_is_drawn_around_everything_and_reported(take: Import) -> None:
     place("lab.yaml", OBSTACLE.format(offsets="false", points="[-1, 0, 1, 0]"))
     place("m.yaml", 'command_sequence: ["takeoff", "wait", "all", "", ""]')
     text = "assumed fence: from [-2.1, -1.1, 0] to [2.1, 1.5, 2.2] m, around everything"
@@ -116,7 +115,7 @@ def test_tags_to_eliminate_are_targets(world: World_) -> None:
 
 
 def test_a_target_without_a_place_is_reported_and_can_be_placed(
-    world: World_, place: Put, take: Import
+    world: World_, take: Import
 ) -> None:
     text = TAGS.format(tags="id100: {location: [0.0], purpose: eliminate}")
     place("lab.yaml", text)
@@ -135,7 +134,7 @@ def test_three_numbers_of_a_place_are_its_first_two(world: World_) -> None:
     assert target.position == (2.0, 0.0, 0.0)
 
 
-def test_what_an_import_does_not_read_is_reported(place: Put, take: Import) -> None:
+def test_what_an_import_does_not_read_is_reported(take: Import) -> None:
     tag = "id100: {location: [2.0, 0.0], purpose: eliminate, size: 0.08, alignment: top-left}"
     place("lab.yaml", "lights: off\n" + TAGS.format(tags=tag))
     told = take("lab.yaml", *FENCE)
@@ -144,7 +143,7 @@ def test_what_an_import_does_not_read_is_reported(place: Put, take: Import) -> N
     assert "tags.alignment: is not read by the original" in "\n".join(told)
 
 
-def test_one_file_of_commands_and_walls_is_imported_whole(place: Put, take: Import) -> None:
+def test_one_file_of_commands_and_walls_is_imported_whole(take: Import) -> None:
     walls = OBSTACLE.format(offsets="false", points="[-1, 0, 1, 0]")
     place("both.yaml", 'command_sequence: ["takeoff", "wait", "all", "", ""]\n' + walls)
     take("both.yaml", *FENCE, "--agent", "cf1=0,0.5")
@@ -152,13 +151,13 @@ def test_one_file_of_commands_and_walls_is_imported_whole(place: Put, take: Impo
     assert [obstacle.name for obstacle in mission.scene.world.obstacles] == ["obs0"]
 
 
-def test_a_tag_for_something_else_is_left_out_and_reported(place: Put, take: Import) -> None:
+def test_a_tag_for_something_else_is_left_out_and_reported(take: Import) -> None:
     place("lab.yaml", TAGS.format(tags="id100: {location: [2.0, 0.0], purpose: fun}"))
     described = "ignored lab.yaml:5:12: id100: the original has no purpose 'fun'"
     assert described in take("lab.yaml")
 
 
-def test_tags_that_overlap_are_as_large_as_fit(world: World_, place: Put, take: Import) -> None:
+def test_tags_that_overlap_are_as_large_as_fit(world: World_, take: Import) -> None:
     text = TAGS.format(tags=PAIR).replace("-0.3105", "-0.2315")
     assert {tag.size for tag in world(text, *FENCE).landmarks} == {0.097}
     assert {tag.size for tag in world(text, *FENCE, "--tag-size", "0.09").landmarks} == {0.09}
@@ -179,7 +178,7 @@ def test_a_tag_on_another_sheet_shrinks_or_is_left_out(world: World_) -> None:
     assert [(tag.id, tag.size) for tag in room.targets] == [(5, 0.12), (6, 0.12)]
 
 
-def test_walls_end_flat_unless_they_are_expanded(world: World_, place: Put) -> None:
+def test_walls_end_flat_unless_they_are_expanded(world: World_) -> None:
     text = OBSTACLE.format(offsets="false", points="[-1, 0, 1, 0]")
     (obstacle,) = world(text, *FENCE).obstacles
     assert not obstacle.contains((1.05, 0.0, 1.0))
@@ -200,7 +199,7 @@ def test_walls_end_flat_unless_they_are_expanded(world: World_, place: Put) -> N
     ],
 )
 def test_obstacles_with_starts_or_tags_in_them_are_virtual(
-    place: Put, take: Import, agent: str, tags: str, names: list[str]
+    take: Import, agent: str, tags: str, names: list[str]
 ) -> None:
     text = OBSTACLE.format(offsets="false", points="[-1, 0, 1, 0]")
     place("lab.yaml", text + (TAGS.format(tags=tags) if tags else ""))
@@ -211,7 +210,7 @@ def test_obstacles_with_starts_or_tags_in_them_are_virtual(
     assert bool([note for note in notes if "obs0: is virtual, since" in note]) == bool(names)
 
 
-def test_obstacles_at_goals_are_virtual_and_so_are_those_named(place: Put, take: Import) -> None:
+def test_obstacles_at_goals_are_virtual_and_so_are_those_named(take: Import) -> None:
     place("lab.yaml", OBSTACLE.format(offsets="false", points="[-1, 0, 1, 0]"))
     up = '"takeoff", "wait", "all", "", ""'
     place("m.yaml", f'command_sequence: [{up}, "goto", "wait", "all", "", "0 -0.2 1 0"]')
@@ -226,9 +225,7 @@ def test_obstacles_at_goals_are_virtual_and_so_are_those_named(place: Put, take:
         assert len(world.obstacles) == count
 
 
-def test_crowded_starts_make_positions_exact_and_obstacles_virtual(
-    place: Put, take: Import
-) -> None:
+def test_crowded_starts_make_positions_exact_and_obstacles_virtual(take: Import) -> None:
     place("lab.yaml", OBSTACLE.format(offsets="false", points="[-1, 0, 1, 0]"))
     place("m.yaml", 'command_sequence: ["takeoff", "wait", "all", "", ""]')
     for x, margin, count in ((0.3, 0, 0), (0.5, 2, 1)):
@@ -237,7 +234,7 @@ def test_crowded_starts_make_positions_exact_and_obstacles_virtual(
         assert (scene.limits.uncertainty_margin, len(scene.world.obstacles)) == (margin, count)
 
 
-def test_agents_at_one_goal_make_positions_exact(place: Put, take: Import) -> None:
+def test_agents_at_one_goal_make_positions_exact(take: Import) -> None:
     up, goto = '"takeoff", "wait", "all", "", ""', '"goto", "wait", "{}", "", "0 0 1 0"'
     for names, margin in (("all", 0), ("a b", 0), ("a", 2)):
         place("m.yaml", f"command_sequence: [{up}, {goto.format(names)}]")
@@ -249,7 +246,7 @@ def test_agents_at_one_goal_make_positions_exact(place: Put, take: Import) -> No
         assert any("positions are treated as exact" in note for note in notes) == (margin == 0)
 
 
-def test_solid_obstacles_with_starts_in_them_are_refused(place: Put) -> None:
+def test_solid_obstacles_with_starts_in_them_are_refused() -> None:
     place("lab.yaml", OBSTACLE.format(offsets="false", points="[-1, 0, 1, 0]"))
     place("m.yaml", 'command_sequence: ["takeoff", "wait", "all", "", ""]')
     (refused,) = refusals("m.yaml", "lab.yaml", "--agent", "a=0,0.05", "--solid", "all")
@@ -264,11 +261,11 @@ def test_solid_obstacles_with_starts_in_them_are_refused(place: Put) -> None:
         ("--name=_.", "'_.' has no letter to form a name; give --name [invalid-input]"),
     ],
 )
-def test_what_is_wrong_with_an_option_is_reported(place: Put, option: str, about: str) -> None:
+def test_what_is_wrong_with_an_option_is_reported(option: str, about: str) -> None:
     place("lab.yaml", OBSTACLE.format(offsets="false", points="[-1, 0, 1, 0]"))
     assert refusals("lab.yaml", option) == [f"{about} [invalid-input]"]
 
 
-def test_files_of_other_programs_are_refused(place: Put) -> None:
+def test_files_of_other_programs_are_refused() -> None:
     place("lab.yaml", "a: 1\n")
     assert refusals("lab.yaml") == ["lab.yaml [wrong-file]"]

@@ -11,9 +11,8 @@ from typing import Any
 import pytest
 
 from star_core import Mission, Registry, fly, load
-from tests.plugins.formats.star_import.conftest import ROBOTS, Import
+from tests.plugins.formats.star_import.conftest import ROBOTS, Import, place
 
-Put = Callable[[str, str], str]
 Swarm = Callable[..., list[str]]
 IMPORTED = Path("imported/crazyflies.yaml")
 WARNING = (
@@ -31,7 +30,7 @@ april_tags:
 
 
 @pytest.fixture
-def swarm(place: Put, take: Import) -> Swarm:
+def swarm(take: Import) -> Swarm:
     """Import robots with some more keys each, types and what is for all; return the messages."""
 
     def imported(*robots: str, types: str = "{}", every: str = "{}", files: str = "") -> list[str]:
@@ -140,7 +139,7 @@ def test_deck_addresses_become_cameras_of_the_radio_transport(swarm: Swarm) -> N
     assert summary["outcome"] == "completed"
 
 
-def test_landmarks_enable_rendering_and_report_missing_decks(swarm: Swarm, place: Put) -> None:
+def test_landmarks_enable_rendering_and_report_missing_decks(swarm: Swarm) -> None:
     place("lab.yaml", TAGS)
     told = swarm("ip_add: 192.168.1.101", "a: 1", files="lab.yaml")
     assert load(IMPORTED, Registry()).plugins["transport"].written == {}
@@ -180,7 +179,7 @@ def test_a_tilted_start_is_reported_and_keeps_its_heading(swarm: Swarm) -> None:
     ],
 )
 def test_a_swarm_that_another_system_located_is_warned_of(
-    swarm: Swarm, place: Put, every: str, system: str
+    swarm: Swarm, every: str, system: str
 ) -> None:
     assert WARNING.format(system, "flow") in swarm("a: 1", every=every)
     place("lab.yaml", TAGS)
@@ -237,7 +236,7 @@ CAPTURE = """\
     ],
 )  # fmt: skip
 def test_the_motion_capture_system_becomes_a_source(
-    swarm: Swarm, place: Put, system: str, marker: str, localizer: str
+    swarm: Swarm, system: str, marker: str, localizer: str
 ) -> None:
     place("motion_capture.yaml", CAPTURE.format(type=system))
     types = f"{{a: {{motion_capture: {{enabled: true, marker: {marker}}}}}}}"
@@ -257,7 +256,7 @@ def test_robots_without_a_connection_are_no_agents(swarm: Swarm) -> None:
     ]
 
 
-def test_crazyswarms_robots_have_their_types_parameters(place: Put, take: Import) -> None:
+def test_crazyswarms_robots_have_their_types_parameters(take: Import) -> None:
     place(
         "allCrazyflies.yaml",
         "crazyflies:\n  - {id: 1, channel: 100, initialPosition: [1.5, 1, 0.0], type: default}\n"
@@ -283,7 +282,7 @@ def test_crazyswarms_robots_have_their_types_parameters(place: Put, take: Import
     assert "#     cf10:\n#       ctrlMel.mass: 0.11\n" in text
 
 
-def test_links_of_any_dongle_are_explained_and_left_out(place: Put, take: Import) -> None:
+def test_links_of_any_dongle_are_explained_and_left_out(take: Import) -> None:
     place("crazyflies.yaml", ROBOTS.replace("radio://0/80/2M/E7E7E7E702", "radio://*/80/2M/E7"))
     (note,) = [note for note in take("crazyflies.yaml") if "radio://*" in note]
     assert note.startswith("changed crazyflies.yaml:3:8: cf2: 'radio://*' takes any dongle")

@@ -166,13 +166,6 @@ def test_all_refused_yaml_is_listed_at_once_in_file_order(tmp_path: Path) -> Non
     ]
 
 
-def test_an_alias_bomb_is_refused_without_unfolding_it(tmp_path: Path) -> None:
-    bomb = "a0: &a0 [x]\n" + "".join(
-        f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 9)}]\n" for i in range(1, 10)
-    )
-    assert len(refusals(tmp_path, bomb)) == 10
-
-
 # Properties
 
 TEXT = st.text(
