@@ -139,7 +139,7 @@ def _world(
         return None, None
 
 
-def _found(kind: str, choice: Mapping[str, Any], registry: Registry) -> Found | None:
+def _find(kind: str, choice: Mapping[str, Any], registry: Registry) -> Found | None:
     """Return the plugin of a choice; None without it, which is reported as a reference."""
     try:
         return registry.find(kind, choice["use"])
@@ -149,11 +149,11 @@ def _found(kind: str, choice: Mapping[str, Any], registry: Registry) -> Found | 
 
 def _scene_properties(data: Mapping[str, Any], registry: Registry) -> dict[str, Any]:
     """Return what a scene states about the transport and the localizer that are named."""
-    localizer = _found("localizer", data["localizer"], registry)
+    localizer = _find("localizer", data["localizer"], registry)
     properties: dict[str, Any] = {
         "reports_in_map": localizer is not None and bool(localizer.offer.reports_in_map)
     }
-    if (plugin := _found("transport", data["transport"], registry)) is None:
+    if (plugin := _find("transport", data["transport"], registry)) is None:
         return properties
     offer, properties["realtime"] = plugin.offer, bool(plugin.offer.realtime)
     options = fill_defaults(_options(data["transport"]), offer.options)  # some may be refused
@@ -167,7 +167,7 @@ def _scene_properties(data: Mapping[str, Any], registry: Registry) -> dict[str, 
 
 def _with_defaults(kind: str, choice: dict[str, Any], registry: Registry) -> dict[str, Any]:
     """Return the choice of a plugin with the defaults of its options, if these are known."""
-    plugin = None if isinstance(choice, Incomplete) else _found(kind, choice, registry)
+    plugin = None if isinstance(choice, Incomplete) else _find(kind, choice, registry)
     return choice if plugin is None else fill_defaults(choice, plugin.offer.options)
 
 

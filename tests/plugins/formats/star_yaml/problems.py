@@ -37,9 +37,9 @@ def problems(text: str, registry: Registry | None = None) -> list[str]:
 def of_steps(head: str, steps: Sequence[str]) -> list[str]:
     """Return the problems of a mission with these steps, each on its line: ``step 1:5 [code]``."""
     before = head.count("\n")
-    found = []
+    relative = []
     for problem in problems(head + "".join(f"  - {step}\n" for step in steps)):
         line, _, rest = problem.partition(":")
         within = int(line) - before
-        found.append(f"step {within}:{rest}" if within > 0 else problem)
-    return found
+        relative.append(f"step {within}:{rest}" if within > 0 else problem)
+    return relative
