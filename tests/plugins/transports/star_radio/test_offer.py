@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 import star_radio
-from star_core import Camera
+from star_core import Camera, Registry
 from star_core.testing import scene
 from star_radio.address import fault
 from tests.plugins.transports.star_radio.conftest import options as defaults
@@ -24,6 +24,10 @@ def found(uris: list[str | None], **options: Any) -> list[str]:
     )
     room = dataclasses.replace(room, agents=tuple(agents))
     return [problem.message for problem in star_radio.check(room, **defaults(**options))]
+
+
+def test_it_is_offered_as_one_of_real_time() -> None:
+    assert Registry().find("transport", "radio").offer.realtime
 
 
 @pytest.mark.parametrize(
