@@ -50,17 +50,7 @@ def test_outlines_are_valid_exactly_if_the_polygon_is_simple(grid: list[tuple[in
 @pytest.mark.parametrize(
     ("corners", "fault"),
     [
-        ([(0, 0), (1, 0), (1, 0), (0, 1)], "has the same point twice in a row"),
-        ([(0, 0), (1, 0), (0, 1), (0, 0)], "has the same point twice in a row"),
         ([(0, 0), (0.1, 0.1), (0.3, 0.3)], "has all its points on one line"),
-        (
-            [(0, 0), (1e-9, 0), (0, 1e-9)],
-            "lies in a strip of only 1e-09 m, expected at least 0.001 m",
-        ),
-        (
-            [(0, 0), (2, 0), (2, 4e-4), (0, 4e-4)],
-            "lies in a strip of only 0.0008 m, expected at least 0.001 m",
-        ),
         ([(0, 0), (2, 0), (2, 2), (1, 0), (0, 2)], "crosses or touches itself at [1, 0]"),
         ([(0, 0), (2, 0), (1, 0), (1, 1)], "crosses or touches itself at [2, 0]"),
     ],
