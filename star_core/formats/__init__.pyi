@@ -24,7 +24,6 @@ from star_core.plugin_support.option_schema import references as references
 from star_core.plugin_support.specs import FileKindSpec as FileKindSpec
 from star_core.plugin_support.specs import FormatSpec as FormatSpec
 from star_core.plugin_support.specs import MissionSpec as MissionSpec
-from star_core.world.outlines import around_circle as around_circle
 from star_core.world.outlines import box as box
 from star_core.world.outlines import wall as wall
 from star_core.world.quaternions import Point as Point

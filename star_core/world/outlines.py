@@ -1,4 +1,4 @@
-"""Outlines in the map's x-y plane: of boxes, cylinders and walls, and why one is not a polygon."""
+"""Outlines in the map's x-y plane: of boxes and walls, and why one is not a polygon."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from typing import Final
 
 from star_core.world.world import Corner
 
-SIDES: Final = 24  # of the polygon around a cylinder; its corners are 0.9 % outside the circle
 COLLINEAR: Final = 1e-12  # distance from a line over its length, below which points are on it
 MIN_WIDTH: Final = 0.001
 """Least width of an outline, m, across the line from its first corner to the farthest, as of walls
@@ -35,19 +34,6 @@ def box(centre: Sequence[float], size: Sequence[float], yaw: float) -> tuple[Cor
         (x + cos * a - sin * b, y + sin * a + cos * b)
         for a, b in ((-half, -side), (half, -side), (half, side), (-half, side))
     )
-
-
-def around_circle(centre: Sequence[float], radius: float) -> tuple[Corner, ...]:
-    """Return the corners of a regular polygon of `SIDES` around a circle, which it contains.
-
-    Args:
-        centre: x and y, m.
-        radius: Of the circle, m.
-    """
-    x, y = centre
-    reach = radius / math.cos(math.pi / SIDES)
-    angles = (math.tau * i / SIDES for i in range(SIDES))
-    return tuple((x + reach * math.cos(angle), y + reach * math.sin(angle)) for angle in angles)
 
 
 def wall(

@@ -11,7 +11,7 @@ from itertools import combinations, pairwise
 from typing import Any, Final
 
 from star_core import Fence, InputError, Obstacle, Problem, Tag, World
-from star_core.formats import Corner, Point, SourceFile, around_circle, box, moved, turned, wall
+from star_core.formats import Corner, Point, SourceFile, box, moved, turned, wall
 from star_core.toolkit import TAG_RIM, TAG_SIZE, Beacon, outline_fault
 
 MAX_VISIBLE_SIZES: Final = 100
@@ -22,6 +22,8 @@ _AXES: Final = ("roll", "pitch", "yaw")
 
 FACE: Final = 0.01
 """Distance from a face of an obstacle within which a tag is taken to be stuck on it, m."""
+
+SIDES: Final = 24  # of the polygon around a cylinder; its corners are 0.9 % outside the circle
 
 
 def world(document: SourceFile) -> World:
@@ -227,3 +229,16 @@ def _apart(piece: tuple[Corner, ...], height: tuple[float, float], fence: Fence)
         greatest < low or least > high
         for (least, greatest), low, high in zip(ranges, fence.low, fence.high, strict=True)
     )
+
+
+def around_circle(centre: Sequence[float], radius: float) -> tuple[Corner, ...]:
+    """Return the corners of a regular polygon of `SIDES` around a circle, which it contains.
+
+    Args:
+        centre: x and y, m.
+        radius: Of the circle, m.
+    """
+    x, y = centre
+    reach = radius / math.cos(math.pi / SIDES)
+    angles = (math.tau * i / SIDES for i in range(SIDES))
+    return tuple((x + reach * math.cos(angle), y + reach * math.sin(angle)) for angle in angles)

@@ -10,7 +10,8 @@ import shapely
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from star_core.world.outlines import MIN_WIDTH, around_circle, box, outline_fault
+from star_core.world.outlines import MIN_WIDTH, box, outline_fault
+from star_yaml.world_loader import around_circle
 
 Corner: TypeAlias = tuple[float, float]
 
