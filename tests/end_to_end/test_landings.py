@@ -82,17 +82,12 @@ def falls(folder: Path, flights: int, faults: LinkFaults | None) -> list[tuple[i
     return found
 
 
+@pytest.mark.parametrize("flights", [1, pytest.param(100, marks=pytest.mark.campaign)])
 @pytest.mark.parametrize("faults", [LOSS, JITTER, None], ids=["loss", "jitter", "cuts"])
-def test_no_drone_falls_over_a_bad_link(tmp_path: Path, faults: LinkFaults | None) -> None:
-    assert falls(tmp_path, 1, faults) == []
-
-
-@pytest.mark.campaign
-@pytest.mark.parametrize("faults", [LOSS, JITTER, None], ids=["loss", "jitter", "cuts"])
-def test_no_drone_falls_in_a_hundred_flights_over_a_bad_link(
-    tmp_path: Path, faults: LinkFaults | None
+def test_no_drone_falls_over_a_bad_link(
+    tmp_path: Path, faults: LinkFaults | None, flights: int
 ) -> None:
-    assert falls(tmp_path, 100, faults) == []
+    assert falls(tmp_path, flights, faults) == []
 
 
 @pytest.mark.parametrize("length", [0.6, 1.0])

@@ -17,23 +17,17 @@ FEW: list[Cell] = [
 ]
 
 
-def wrong(cell: Cell, seeds: range) -> list[tuple[int, str]]:
-    """Return the seeds of flights in which a drone fell or stayed in the air, and how."""
+@pytest.mark.parametrize(
+    ("cell", "flights"),
+    [
+        *((cell, 1) for cell in FEW),
+        *(pytest.param(cell, 10, marks=pytest.mark.campaign) for cell in CELLS),
+    ],
+    ids=str,
+)
+def test_no_drone_falls_or_stays_in_the_air_after_a_cut(cell: Cell, flights: int) -> None:
     phase, length, whole = cell
-    bad = []
-    for seed in seeds:
+    for seed in range(flights):
         outcome = cut_flight(phase, length, whole=whole, seed=seed)
-        if outcome.aloft or (outcome.fell and not excused(phase, length)):
-            bad.append((seed, str(outcome)))
-    return bad
-
-
-@pytest.mark.parametrize("cell", FEW, ids=str)
-def test_no_drone_falls_or_stays_in_the_air_after_a_cut(cell: Cell) -> None:
-    assert wrong(cell, range(1)) == []
-
-
-@pytest.mark.campaign
-@pytest.mark.parametrize("cell", CELLS, ids=str)
-def test_no_drone_falls_or_stays_in_the_air_after_ten_cuts(cell: Cell) -> None:
-    assert wrong(cell, range(10)) == []
+        assert not outcome.aloft, seed
+        assert not outcome.fell or excused(phase, length), seed

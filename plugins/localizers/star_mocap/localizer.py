@@ -287,12 +287,8 @@ class Mocap:
             self._velocities.popleft()
         times = np.array([time for time, _ in self._velocities])
         tick = np.searchsorted(times, self._measured, side="right") - 1
-        change = (
-            velocity
-            - np.array([each for _, each in self._velocities])[
-                np.maximum(tick, 0), np.arange(len(velocity))
-            ]
-        )
+        velocities = np.array([each for _, each in self._velocities])
+        change = velocity - velocities[np.maximum(tick, 0), np.arange(len(velocity))]
         variance: Array = LAG_STD**2 / 3 * np.vecdot(change, change)
         return variance
 

@@ -51,9 +51,6 @@ POWER: Final = 2.2
 class MapTag:
     """A tag of a landmark.
 
-    Args:
-        tag: As the scene has it.
-
     Attributes:
         number: Of the tag.
         size: Edge of its black square, m.

@@ -46,13 +46,7 @@ def lamps_and_clutter(fence: Fence, seed: int, lamps: int, clutter: int) -> tupl
 
 
 class Disturbances:
-    """Disturbs the images of one camera, in the order in which they are taken.
-
-    Args:
-        camera: The camera.
-        seed: Of the flight and the camera's row.
-        options: Have the magnitudes of the disturbances.
-    """
+    """Disturbs the images of one camera, in the order in which they are taken."""
 
     def __init__(self, camera: Camera, seed: Sequence[int], options: CameraOptions) -> None:
         self._step, self._quality = options.exposure_step, options.jpeg_quality

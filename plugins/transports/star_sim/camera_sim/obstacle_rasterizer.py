@@ -14,9 +14,7 @@ from star_sim.camera_sim.projection import touch
 from star_sim.drone import Record
 
 Point: TypeAlias = tuple[float, float, float]  # in the map, m
-Prisms: TypeAlias = tuple[
-    Record, Record, Record
-]  # boxes, spans, edges of `star_sim.contact.prisms`
+Prisms: TypeAlias = tuple[Record, Record, Record]  # of `star_sim.contact.prisms`
 
 TOP, UNDER, SIDE, SHEEN = 150.0, 60.0, 95.0, 25.0  # gray values; sides vary by SHEEN
 SUN = (0.8, 0.6)  # unit vector towards which sides are lighter

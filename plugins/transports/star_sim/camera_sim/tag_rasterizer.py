@@ -70,6 +70,7 @@ def _draw(canvas: Canvas, exposure: Exposure, frame: Record, cells: Record, regi
     maps = np.empty((slices, 9))
     path = np.empty((2, slices))  # s and t of the center of one pixel
     module, middle = frame[12] / MODULES, slices // 2
+    map_ = maps[middle]
     for v in range(region[1], region[3]):
         away = 0.0
         for k in range(slices):
@@ -94,14 +95,8 @@ def _draw(canvas: Canvas, exposure: Exposure, frame: Record, cells: Record, regi
                 continue
             # cells per pixel to the right and down
             s, t = path[0, middle], path[1, middle]
-            s_x, s_y = (
-                (maps[middle, 0] - s * maps[middle, 6]),
-                (maps[middle, 1] - s * maps[middle, 7]),
-            )
-            t_x, t_y = (
-                (maps[middle, 3] - t * maps[middle, 6]),
-                (maps[middle, 4] - t * maps[middle, 7]),
-            )
+            s_x, s_y = map_[0] - s * map_[6], map_[1] - s * map_[7]
+            t_x, t_y = map_[3] - t * map_[6], map_[4] - t * map_[7]
             before, after = max(u - 1, 0), min(u + 1, width - 1)
             x, y = rays[0, v, after] - rays[0, v, before], rays[1, v, after] - rays[1, v, before]
             step = w / (after - before)
