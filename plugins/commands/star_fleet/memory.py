@@ -46,7 +46,7 @@ INFO, READ, WRITE = 0, 1, 2  # channels
 class Memory:
     """Bytes that a client can read, and not write."""
 
-    def __init__(self, content: bytes | bytearray) -> None:
+    def __init__(self, content: bytearray) -> None:
         self.content, self.size = content, len(content)
 
     def read(self, start: int, count: int) -> bytes | None:
@@ -61,14 +61,10 @@ class Memory:
 class Stored(Memory):
     """Bytes that stay as they are written: what is written changes the content."""
 
-    def __init__(self, content: bytearray) -> None:
-        super().__init__(content)
-        self._content = content
-
     def write(self, start: int, data: bytes) -> bool:
         if start + len(data) > self.size:
             return False
-        self._content[start : start + len(data)] = data
+        self.content[start : start + len(data)] = data
         return True
 
 
@@ -80,7 +76,7 @@ class Tester(Memory):
     """
 
     def __init__(self) -> None:
-        super().__init__(bytes(i & 0xFF for i in range(TESTER_BYTES)))
+        super().__init__(bytearray(range(256)) * (TESTER_BYTES // 256))
         self.errors = 0
 
     def write(self, start: int, data: bytes) -> bool:
@@ -99,7 +95,7 @@ class Stations(Memory):
     """
 
     def __init__(self, geometries: Iterable[bytes]) -> None:
-        super().__init__(bytes(2 * CALIBRATION))
+        super().__init__(bytearray(2 * CALIBRATION))
         self._pages = {
             start + PAGE * i: Stored(bytearray(count))
             for start, count in ((0, GEOMETRY_BYTES), (CALIBRATION, CALIBRATION_BYTES))
@@ -125,12 +121,12 @@ class Zones(Memory):
     """
 
     def __init__(self, measure: Callable[[], Sequence[int]]) -> None:
-        super().__init__(bytes(ZONE_BYTES))
+        super().__init__(bytearray(ZONE_BYTES))
         self._measure = measure
 
     def read(self, start: int, count: int) -> bytes | None:
         if start == 0:
-            self.content = struct.pack("<64H", *self._measure())
+            self.content[:] = struct.pack("<64H", *self._measure())
         return super().read(start, count)
 
 
@@ -159,7 +155,7 @@ class Memories:
             Entry(TRAJECTORY, Stored(self.trajectory)),
             Entry(LIGHTHOUSE, Stations(equipment.stations)),
             Entry(TESTER, self.tester),
-            Entry(DECKS, Memory(bytes([DECKS_VERSION]).ljust(DECKS_BYTES, b"\0"))),
+            Entry(DECKS, Memory(bytearray([DECKS_VERSION]).ljust(DECKS_BYTES, b"\0"))),
             *_of_decks(decks, equipment.zones),
         )
 
@@ -211,7 +207,7 @@ def _of_decks(decks: Sequence[Deck], zones: Callable[[], Sequence[int]]) -> Iter
     """Yield the memories that decks bring with them."""
     for i, deck in enumerate(decks):
         if deck.controlled:
-            yield Entry(DECK_CONTROL, Memory(deck_information(deck)))
+            yield Entry(DECK_CONTROL, Memory(bytearray(deck_information(deck))))
         else:
             content = bytearray(one_wire(deck).ljust(ONE_WIRE_BYTES, b"\xff"))
             yield Entry(ONE_WIRE, Stored(content), bytes([0x0D, *([0] * 5), i + 1, deck.product]))
