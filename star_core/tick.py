@@ -20,7 +20,7 @@ from star_core.execution.reserves import ReserveManager
 from star_core.execution.step_run import TaskPool, TickContext
 from star_core.geometry.neighbours import Pairs
 from star_core.messages.arrays import Mask, Rows, some
-from star_core.messages.commands import Order, Trajectory
+from star_core.messages.commands import Order
 from star_core.messages.events import Corrected, Tick
 from star_core.messages.state import (
     UNFIT,
@@ -86,6 +86,7 @@ class ControlLoop:
 
     Attributes:
         program: What the program of the flight gives the agents.
+        trajectories: That agents may be ordered to fly on board, each once.
         last: The last tick that was recorded; None before the first.
     """
 
@@ -121,6 +122,7 @@ class ControlLoop:
             for stage in Stage
         }
         tasks = TaskPool(mission, registry, pipeline.compute_time)
+        self.trajectories = tasks.trajectories
         self._executor = StepExecutor(
             mission, tasks, self._assignments, observers, pipeline.strikes
         )
@@ -304,11 +306,6 @@ class ControlLoop:
     def phase(self) -> MissionPhase:
         """The phase of the mission."""
         return self._vehicles.phases.mission
-
-    @property
-    def trajectories(self) -> tuple[Trajectory, ...]:
-        """The trajectories that agents may be ordered to fly on board, each once."""
-        return self._executor.trajectories
 
     def change_phase(self, trigger: str) -> MissionPhase:
         """Apply a trigger to the phase of the mission, report changes, and return the phase."""

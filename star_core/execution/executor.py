@@ -16,7 +16,6 @@ from star_core.execution.step_run import (
     TaskPool,
     TickContext,
 )
-from star_core.messages.commands import Trajectory
 from star_core.messages.state import UNFIT, AgentPhase
 from star_core.mission import Action, Choice, Mission, Node, Parallel, Reaction, Repeat
 from star_core.observers import Observers
@@ -76,11 +75,6 @@ class StepExecutor:
         self._time = 0.0
         self.steps: list[dict[str, Any]] = []
         self.reason = ""
-
-    @property
-    def trajectories(self) -> tuple[Trajectory, ...]:
-        """The trajectories that its tasks may order to be flown on board, each once."""
-        return self._tasks.trajectories
 
     def step(self, tick: TickContext) -> tuple[Status, Instructions]:
         """Run one tick of every running step; return the mission's status, and what to do."""
