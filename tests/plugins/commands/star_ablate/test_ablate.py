@@ -17,10 +17,10 @@ import pytest
 from star_ablate.flight import Job, Result
 from star_core import InputError
 from tests.commands import Said, command
+from tests.plugins.commands.star_ablate.conftest import Write
 
 main = command("ablate")
 
-Study = Callable[[str], Path]
 Rows = Callable[[Path], list[dict[str, str]]]
 
 
@@ -30,7 +30,7 @@ ENTER = "import sys; from tests.commands import command; sys.exit(command('ablat
 
 
 @pytest.fixture(scope="module")
-def flown(laid_out: Callable[[Path], Study], tmp_path_factory: pytest.TempPathFactory) -> Study:
+def flown(laid_out: Callable[[Path], Write], tmp_path_factory: pytest.TempPathFactory) -> Write:
     """Writes studies of a mission whose first two seeds have been flown and recorded in ``out``."""
     study = laid_out(tmp_path_factory.mktemp("flown"))
     ablate(study(HOP + SLOW + "seeds: 2\n"), "--record", "--workers", "2")
@@ -62,7 +62,7 @@ def test_example_study_shows_that_orca_separates_drones(
 
 
 @pytest.mark.usefixtures("in_process")
-def test_two_workers_write_the_results_of_one_process(flown: Study, rows: Rows) -> None:
+def test_two_workers_write_the_results_of_one_process(flown: Write, rows: Rows) -> None:
     with_two = flown("").parents[1] / "out" / "results.csv"
     out = flown("").parents[1] / "alone"
     assert main([str(flown(HOP + SLOW + "seeds: 2\n")), "--out", str(out)]) == 0
@@ -71,7 +71,7 @@ def test_two_workers_write_the_results_of_one_process(flown: Study, rows: Rows) 
 
 
 @pytest.mark.usefixtures("wrecker")
-def test_crashed_runs_are_results_and_the_rest_is_flown(study: Study, rows: Rows) -> None:
+def test_crashed_runs_are_results_and_the_rest_is_flown(study: Write, rows: Rows) -> None:
     path = study(
         HOP + "seeds: 1\n"
         "factors:\n"
@@ -99,7 +99,7 @@ def test_crashed_runs_are_results_and_the_rest_is_flown(study: Study, rows: Rows
 
 
 @pytest.mark.usefixtures("wrecker")
-def test_a_run_that_hangs_is_ended_when_its_time_is_over(study: Study, rows: Rows) -> None:
+def test_a_run_that_hangs_is_ended_when_its_time_is_over(study: Write, rows: Rows) -> None:
     harm = "harm: {hang: {avoider: {use: wrecker, made: hang}}}"
     path = study(HOP + f"seeds: 1\ntime_limit: 1\nfactors: {{{harm}}}\n")
     out = ablate(path)
@@ -111,7 +111,7 @@ def test_a_run_that_hangs_is_ended_when_its_time_is_over(study: Study, rows: Row
 
 
 @pytest.mark.usefixtures("in_process")
-def test_a_study_goes_on_where_it_stopped(flown: Study, rows: Rows, capsys: Said) -> None:
+def test_a_study_goes_on_where_it_stopped(flown: Write, rows: Rows, capsys: Said) -> None:
     before = rows(flown("").parents[1] / "out")
     after = rows(ablate(flown(HOP + SLOW + "seeds: [0, 3, 1]\n"), "--record"))
     (line,) = (line for line in capsys.readouterr().err.splitlines() if line[0] == "[")
@@ -120,7 +120,7 @@ def test_a_study_goes_on_where_it_stopped(flown: Study, rows: Rows, capsys: Said
     assert [after[0], after[2]] == before
 
 
-def test_a_quiet_study_writes_its_table_and_prints_none(flown: Study, capsys: Said) -> None:
+def test_a_quiet_study_writes_its_table_and_prints_none(flown: Write, capsys: Said) -> None:
     out = ablate(flown(HOP + SLOW + "seeds: 2\n"), "--record", "--quiet")
     assert capsys.readouterr().out == ""
     assert "| hop | 2 | 100% |" in (out / "results.md").read_text()
@@ -128,7 +128,7 @@ def test_a_quiet_study_writes_its_table_and_prints_none(flown: Study, capsys: Sa
 
 @pytest.mark.usefixtures("in_process")
 def test_measures_that_are_asked_for_later_need_no_flight(
-    flown: Study, rows: Rows, capsys: Said
+    flown: Write, rows: Rows, capsys: Said
 ) -> None:
     text = SLOW + "missions: [../hop.yaml]\nseeds: 1\nmeasures: "
     (row,) = rows(ablate(flown(text + "[seed, position_rmse_m]\n")))
@@ -136,7 +136,7 @@ def test_measures_that_are_asked_for_later_need_no_flight(
     assert capsys.readouterr().err == ""
 
 
-def test_records_are_kept_when_asked_for(flown: Study) -> None:
+def test_records_are_kept_when_asked_for(flown: Write) -> None:
     record = flown("").parents[1] / "out" / "runs" / "hop" / "rate=slow" / "seed=1"
     assert json.loads((record / "manifest.json").read_text())["mission"]["seed"] == 1
     with np.load(record / "trajectory.npz") as trajectory:
@@ -154,7 +154,7 @@ def test_records_are_kept_when_asked_for(flown: Study) -> None:
 )
 @pytest.mark.usefixtures("instant")
 def test_what_has_changed_since_is_flown_again(
-    file: str, before: str, after: str, change: str, study: Study, wrecker: Path, capsys: Said
+    file: str, before: str, after: str, change: str, study: Write, wrecker: Path, capsys: Said
 ) -> None:
     path = study(HOP + "seeds: 1\nfactors: {a: {b: {avoider: wrecker}, c: {}}}\n")
     hop = path.parents[1] / "hop.yaml"
@@ -172,7 +172,7 @@ def test_what_has_changed_since_is_flown_again(
 
 @pytest.mark.usefixtures("wrecker")
 def test_an_interrupt_keeps_what_is_done_and_leaves_no_process(
-    study: Study, rows: Rows, tmp_path: Path, wrecker: Path
+    study: Write, rows: Rows, tmp_path: Path, wrecker: Path
 ) -> None:
     path = study(
         HOP + "seeds: 1\nfactors:\n"
@@ -200,7 +200,7 @@ def test_an_interrupt_keeps_what_is_done_and_leaves_no_process(
 
 @pytest.mark.usefixtures("instant")
 def test_a_dry_run_prints_what_would_be_flown(
-    study: Study, monkeypatch: pytest.MonkeyPatch, capsys: Said
+    study: Write, monkeypatch: pytest.MonkeyPatch, capsys: Said
 ) -> None:
     path = study(HOP + SLOW + "seeds: 7\n")
     out = path.parents[1] / "out"
@@ -228,7 +228,7 @@ def test_a_dry_run_prints_what_would_be_flown(
     assert probed == [4]
 
 
-def test_nothing_is_written_when_the_study_is_wrong(study: Study, tmp_path: Path) -> None:
+def test_nothing_is_written_when_the_study_is_wrong(study: Write, tmp_path: Path) -> None:
     with pytest.raises(InputError):
         main([str(study("missions: []\n")), "--out", str(tmp_path / "out")])
     assert not (tmp_path / "out").exists()
@@ -245,7 +245,7 @@ def test_nothing_is_written_when_the_study_is_wrong(study: Study, tmp_path: Path
     ],
 )
 def test_results_do_not_go_where_something_else_is(
-    make: Callable[[Path], object], why: str, study: Study, tmp_path: Path
+    make: Callable[[Path], object], why: str, study: Write, tmp_path: Path
 ) -> None:
     make(out := tmp_path / "out")
     with pytest.raises(InputError) as caught:
@@ -253,7 +253,7 @@ def test_results_do_not_go_where_something_else_is(
     assert caught.value.problems == (f"--out {out}: {why} [unwritable-file]",)
 
 
-def test_a_folder_that_cannot_be_made_is_reported(study: Study, tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_made_is_reported(study: Write, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     out = tmp_path / "file" / "out"
     with pytest.raises(InputError) as caught:

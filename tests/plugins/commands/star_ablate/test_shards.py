@@ -12,6 +12,7 @@ from star_ablate.shards import Shard, merged
 from star_core import InputError
 from star_core.commands.main import main
 from tests.commands import Said
+from tests.plugins.commands.star_ablate.conftest import Write
 
 pytestmark = pytest.mark.usefixtures("instant")
 
@@ -24,7 +25,7 @@ factors: {rate: {slow: {rate: 10}, fast: {rate: 20}}}
 
 
 @pytest.fixture
-def ablate(study: Callable[[str], Path], tmp_path: Path) -> Callable[..., int]:
+def ablate(study: Write, tmp_path: Path) -> Callable[..., int]:
     """Flies or merges the study, in folders of `tmp_path`."""
     path = study(STUDY)
 
@@ -81,7 +82,7 @@ def test_missing_and_doubled_shards_are_named(
 
 
 def test_missing_runs_are_named_with_the_cause(
-    ablate: Callable[..., int], study: Callable[[str], Path], tmp_path: Path, capsys: Said
+    ablate: Callable[..., int], study: Write, tmp_path: Path, capsys: Said
 ) -> None:
     for name in ("1", "2"):
         assert ablate(name, "--shard", f"{name}/2") == 0

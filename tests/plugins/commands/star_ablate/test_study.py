@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import TypeAlias
 
 import pytest
 
 from star_ablate.reading import MEASURES, SEEDS, read, schema
 from star_core import InputError, Registry, discovery
 from star_core.toolkit import STUDY_COLUMNS
-
-Write: TypeAlias = Callable[[str], Path]
+from tests.plugins.commands.star_ablate.conftest import Write
 
 HOP = "missions: [../hop.yaml]\n"
 TWO = """\

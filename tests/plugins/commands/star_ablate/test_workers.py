@@ -15,14 +15,14 @@ from star_ablate.flight import Job, fly_job
 from star_ablate.reading import read
 from star_ablate.workers import Processes, Worker
 from star_core import Mission, Registry, StarError, load
-from tests.plugins.commands.star_ablate.conftest import WRECKER
+from tests.plugins.commands.star_ablate.conftest import WRECKER, Write
 from tests.waiting import eventually
 
 pytestmark = pytest.mark.usefixtures("wrecker")
 
 
 @pytest.fixture
-def hop(study: Callable[[str], Path]) -> Callable[[str], Mission]:
+def hop(study: Write) -> Callable[[str], Mission]:
     """Loads the mission with an avoider that does harm when it is made."""
     folder = study("").parents[1]
 
@@ -88,9 +88,7 @@ if __name__ == "__main__":
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="reads processes from /proc")
-def test_workers_end_with_their_killed_parent(
-    study: Callable[[str], Path], tmp_path: Path, wrecker: Path
-) -> None:
+def test_workers_end_with_their_killed_parent(study: Write, tmp_path: Path, wrecker: Path) -> None:
     log, script = tmp_path / "log.txt", tmp_path / "fly.py"
     script.write_text(FLY)
     command = [sys.executable, str(script), str(study("").parents[1] / "hop.yaml"), str(log)]
@@ -104,9 +102,7 @@ def test_workers_end_with_their_killed_parent(
     assert eventually(lambda: not alive(worker) and not alive(int(started)))
 
 
-def test_code_that_changes_in_a_study_ends_it(
-    study: Callable[[str], Path], wrecker: Path, tmp_path: Path
-) -> None:
+def test_code_that_changes_in_a_study_ends_it(study: Write, wrecker: Path, tmp_path: Path) -> None:
     text = "missions: [../hop.yaml]\nseeds: 1\nfactors: {a: {b: {avoider: wrecker}}}\n"
     (run,) = read(study(text), Registry()).runs()
     (wrecker / "star_wrecker.py").write_text(WRECKER + "\n# edited\n")

@@ -35,7 +35,7 @@ class Browser:
         controls: Messages that added the controls of the panel, by label.
         texts: Newest content of each text of the panel, by identifier, as it is shown.
         markdown: The same as it was sent.
-        nodes: Names of the objects of the scene.
+        nodes: Names of the objects of the scene; ``visible: NAME`` once it was made visible.
     """
 
     def __init__(self, address: str, **camera: Any) -> None:
@@ -97,3 +97,5 @@ class Browser:
                     self.texts[message["uuid"]] = shown
             if "name" in message:
                 self.nodes.add(message["name"])
+            if message["type"] == "SetSceneNodeVisibilityMessage" and message["visible"]:
+                self.nodes.add(f"visible: {message['name']}")
