@@ -38,7 +38,7 @@ from star_core.operator import Operator
 from star_core.phases import MissionPhase
 from star_core.pipeline import PluginPipeline
 from star_core.plugin_support.registry import Registry
-from star_core.records.summary import FlightSummary, event_records
+from star_core.records.summary import FlightSummary, event_record
 from star_core.safety.agents_in_the_way import GroundedAgents
 from star_core.safety.estimate_gate import EstimateMonitor
 from star_core.safety.filter import SafetyFilter
@@ -351,7 +351,7 @@ class ControlLoop:
         )
         lists = {key: summary.pop(key) for key in ("targets", "steps", "events")}
         measures = self._observers.measures(summary.keys() | lists.keys())
-        lists["events"] = event_records(self._observers.events)
+        lists["events"] = [*map(event_record, self._observers.events)]
         return summary | measures | lists
 
     def _landed(self) -> MissionStatus | None:

@@ -3,7 +3,6 @@
 from star_core.commands.command_line import run_command as run_command
 from star_core.commands.completion import completes as completes
 from star_core.commands.completion import mission_names as mission_names
-from star_core.commands.completion import plugin_names as plugin_names
 from star_core.commands.output import add_set_option as add_set_option
 from star_core.commands.output import new_folder as new_folder
 from star_core.commands.output import output_folder as output_folder

@@ -32,13 +32,6 @@ def mission_names(prefix: str, **_context: object) -> list[str]:
     return [*(name for name in names if name.startswith(prefix)), *FilesCompleter()(prefix)]
 
 
-def plugin_names(prefix: str, **_context: object) -> list[str]:
-    """Return the names of plugins that begin so."""
-    return sorted({
-        plugin.offer.name for _kind, plugin in Registry() if plugin.offer.name.startswith(prefix)
-    })  # fmt: skip
-
-
 def complete() -> None:
     """Print what the word at the cursor may become, and exit."""
     from argcomplete import autocomplete

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any, Final
 
@@ -122,11 +122,6 @@ class FlightSummary:
             "steps": list(steps),
             "events": [],
         }
-
-
-def event_records(events: Iterable[Event]) -> list[dict[str, Any]]:
-    """Return ``events`` of the summary, without what they lack."""
-    return [*map(event_record, events)]
 
 
 def event_record(event: Event) -> dict[str, Any]:

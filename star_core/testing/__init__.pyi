@@ -1,6 +1,5 @@
 # The public names of `star_core.testing` and their modules, listed once.
 
-from star_core.testing.calls import SIZES as SIZES
 from star_core.testing.calls import Times as Times
 from star_core.testing.calls import reports as reports
 from star_core.testing.inputs import estimate as estimate

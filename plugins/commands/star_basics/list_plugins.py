@@ -11,7 +11,7 @@ from typing import Any, Final, TypeAlias
 
 from star_basics.columns import columns
 from star_core import PluginError, Registry
-from star_core.commands import Found, Source, completes, plugin_names
+from star_core.commands import Found, Source, completes
 from star_core.toolkit import Spec, suggestion
 
 NO_OPTIONS: Final = {"type": "object", "properties": {}}  # of commands, for example
@@ -25,7 +25,7 @@ def configure(line: ArgumentParser) -> None:
     name = line.add_argument(
         "name", nargs="?", help="plugin, distribution or kind to describe; all if not given"
     )
-    completes(name, plugin_names)
+    completes(name, _names)
     line.add_argument("--json", action="store_true", help="as JSON, with option schemas")
 
 
@@ -123,3 +123,9 @@ def _observers(registry: Registry) -> Iterator[tuple[str, Found]]:
         summary = rest[:1].upper() + rest[1:] if title.startswith("Observer") else first
         spec = Spec(name=name.rpartition(":")[2], summary=summary)
         yield "observer", Found(spec, registry.source(name))
+
+
+def _names(prefix: str, **_context: object) -> list[str]:
+    """Return the names of plugins that begin so."""
+    names = {plugin.offer.name for _kind, plugin in Registry()}
+    return sorted(name for name in names if name.startswith(prefix))

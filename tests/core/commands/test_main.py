@@ -82,24 +82,33 @@ def test_arguments_default_to_the_command_line(said: Said, monkeypatch: pytest.M
 # star check
 
 
+WORLD = "star: 1\nname: hall\nfence: {low: [-2, -2, 0], high: [2, 2, 2]}\n"
+STUDY = "star: 1\nname: radii\nmissions: [hop.yaml]\nmeasures: [deadlocks]\n"
+CAMERA = "star: 1\nname: mine\nwidth: 640\nheight: 480\n"
+
+
 @pytest.mark.parametrize(
-    ("steps", "reported"),
+    ("text", "reported"),
     [
         (
-            "name: s\nmission: [land: {}]",
+            "star: 1\nname: s\nmission: [land: {}]\n",
             "1 step for missions to include; as a mission it lacks "
             "world, swarm, transport, localizer, planner, avoider",
         ),
         (
-            "parameters: {a: null, b: 1, c: null}\nmission: [hold: {for: $b}, goto: {to: $a}, $c]",
+            "star: 1\nparameters: {a: null, b: 1, c: null}\n"
+            "mission: [hold: {for: $b}, goto: {to: $a}, $c]\n",
             "3 steps for missions to include, with a value for a, c",
         ),
+        (WORLD, "'hall', a world that can be flown in"),
+        (CAMERA, "'mine', a camera for missions"),
+        (STUDY + "seeds: 2\n", "'radii', a study of 2 runs"),
     ],
 )
-def test_a_file_of_steps_is_described_as_one(said: Said, steps: str, reported: str) -> None:
-    Path("steps.yaml").write_text(f"star: 1\n{steps}\n")
-    assert main(["check", "steps.yaml"]) == 0
-    assert said.readouterr() == (f"steps.yaml: {reported}\n", "")
+def test_files_of_every_kind_are_described(said: Said, text: str, reported: str) -> None:
+    Path("file.yaml").write_text(text)
+    assert main(["check", "file.yaml"]) == 0
+    assert said.readouterr() == (f"file.yaml: {reported}\n", "")
 
 
 def test_what_is_set_is_checked_in_a_file_of_steps_too(said: Said) -> None:
@@ -129,38 +138,6 @@ def test_a_mission_without_a_swarm_is_no_file_of_steps(said: Said) -> None:
     assert "missing key 'swarm'" in said.readouterr().err
 
 
-WORLD = "star: 1\nname: hall\nfence: {low: [-2, -2, 0], high: [2, 2, 2]}\n"
-STUDY = "star: 1\nname: radii\nmissions: [hop.yaml]\nmeasures: [deadlocks]\n"
-CAMERA = "star: 1\nname: mine\nwidth: 640\nheight: 480\n"
-
-
-@pytest.mark.parametrize(
-    ("text", "reported"),
-    [(WORLD, "'hall', a world that can be flown in"), (CAMERA, "'mine', a camera for missions")],
-)
-def test_a_file_that_missions_name_is_described_as_one(
-    said: Said, text: str, reported: str
-) -> None:
-    Path("file.yaml").write_text(text)
-    assert main(["check", "file.yaml"]) == 0
-    assert said.readouterr() == (f"file.yaml: {reported}\n", "")
-
-
-@pytest.mark.parametrize(
-    ("text", "fault"),
-    [
-        (WORLD.replace("low:", "lo:"), "3:9: fence: unknown key 'lo'; did you mean 'low'?"),
-        (CAMERA.replace("640", "160"), "3:8: the principal point [169.27, 160.6] is outside"),
-    ],
-)
-def test_problems_in_referenced_files_are_reported(said: Said, text: str, fault: str) -> None:
-    Path("file.yaml").write_text(text)
-    assert main(["check", "file.yaml"]) == 2
-    out, err = said.readouterr()
-    assert out == ""
-    assert f"file.yaml:{fault}" in err
-
-
 @pytest.mark.parametrize(
     "text",
     [
@@ -177,19 +154,6 @@ def test_a_file_that_is_no_mission_is_not_flown(said: Said, command: str, text: 
     assert main([command, "file.yaml"]) == 2
     out, err = said.readouterr()
     assert (out, err[:15], err[-13:]) == ("", "file.yaml:1:1: ", "[wrong-file]\n")
-
-
-def test_check_accepts_a_study(said: Said) -> None:
-    Path("study.yaml").write_text(STUDY)
-    assert main(["check", "study.yaml", "--set", "seeds=2"]) == 0
-    assert said.readouterr() == ("study.yaml: 'radii', a study of 2 runs\n", "")
-
-
-def test_check_locates_the_mistakes_of_a_study(said: Said) -> None:
-    Path("study.yaml").write_text(STUDY.replace("hop.yaml", "hip.yaml"))
-    assert main(["check", "study.yaml"]) == 2
-    fault = "study.yaml:3:12: there is no file 'hip.yaml' from the study's folder"
-    assert said.readouterr().err.startswith(fault)
 
 
 def test_checking_flies_nothing() -> None:

@@ -17,7 +17,7 @@ from star_core import AgentPhase, Array, Corrected, Event, Fence, Obstacle, Tick
 from star_core.geometry.neighbours import Pairs
 from star_core.messages.state import Goals, Paths, Plan, Setpoint
 from star_core.messages.telemetry import Telemetry
-from star_core.records.summary import FlightSummary, event_records
+from star_core.records.summary import FlightSummary, event_record
 from star_core.testing import estimate, health, scene
 
 PERIOD = 0.05  # s, of the scene
@@ -222,7 +222,7 @@ def test_the_time_before_the_first_tick_is_no_flight() -> None:
 
 def test_events_are_kept_in_order_and_without_what_they_lack() -> None:
     events = [Event(0.5, "failure", "cf1 is lost", "cf1"), Event(0.6, "step", "done")]
-    assert event_records(events) == [
+    assert [*map(event_record, events)] == [
         {"time": 0.5, "kind": "failure", "text": "cf1 is lost", "agent": "cf1"},
         {"time": 0.6, "kind": "step", "text": "done"},
     ]

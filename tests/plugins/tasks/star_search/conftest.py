@@ -21,6 +21,7 @@ from star_core import (
     Command,
     Estimate,
     Fence,
+    Goals,
     Health,
     Limits,
     Mask,
@@ -34,7 +35,7 @@ from star_core import (
     Task,
     World,
 )
-from star_core.testing import estimate, health
+from star_core.testing import PointMasses
 from star_core.toolkit import fill_defaults
 from star_search.area import FieldOfView, field_of_view
 from star_search.search_space import SearchSpace
@@ -91,18 +92,15 @@ class Searched:
         return np.array(self.position)
 
 
-class Scouts:
+class Scouts(PointMasses):
     """Point masses that fly what the planner returns, and see targets in their fields of view."""
 
     def __init__(self, scene: Scene, phase: AgentPhase = AgentPhase.FLYING) -> None:
         n = len(scene.agents)
+        starts = np.array([(*agent.start[:2], HEIGHT) for agent in scene.agents])
+        super().__init__(starts, phase=phase)
         self.scene = scene
         self.planner = Visibility(scene, **fill_defaults({}, OPTIONS))
-        self.position = np.array([(*agent.start[:2], HEIGHT) for agent in scene.agents])
-        self.velocity = np.zeros((n, 3))
-        self.yaw = np.zeros(n)
-        self.phase: Rows = np.full(n, int(phase))
-        self.ready = np.full(n, np.inf)
         self.valid: Mask = np.ones(n, np.bool_)
         self.looks = np.zeros((len(scene.world.targets), n), np.int64)
         self.finder: Rows = np.full(len(scene.world.targets), -1)
@@ -113,7 +111,7 @@ class Scouts:
             field_of_view(camera, HEIGHT, 0.168, 0.05) if camera else None
         )
 
-    def now(self, time: float) -> tuple[Estimate, Health]:
+    def now(self) -> tuple[Estimate, Health]:
         seen = list(self.sighted())
         sightings = Sightings.none()
         if seen:
@@ -123,14 +121,18 @@ class Scouts:
             sightings = Sightings(
                 np.array(agent),
                 np.array(tag),
-                np.full(k, time),
+                np.full(k, self.time),
                 np.array(position),
                 np.zeros(k),
                 spread,
             )
-        whole = estimate(self.position, velocity=self.velocity, time=time)
-        whole = replace(whole, yaw=self.yaw, valid=self.valid, sightings=sightings)
-        return whole, replace(health(len(self.yaw)), phase=self.phase, finder=self.finder)
+        whole = replace(
+            self.estimate(),
+            valid=self.valid & np.ones(len(self.yaw), np.bool_),
+            covariance=np.tile(np.eye(3) * 1e-4, (len(self.yaw), 1, 1)),
+            sightings=sightings,
+        )
+        return whole, replace(self.health(), finder=self.finder)
 
     def sighted(self) -> Any:
         for k, tag in enumerate(self.scene.world.targets):
@@ -149,16 +151,11 @@ class Scouts:
         points = np.array(self.view.points if self.view else [(np.inf, np.inf)])
         return bool((np.abs(points - [at.real, at.imag]) <= 0.025).all(axis=1).any())
 
-    def move(self, now: Estimate, goals: Any) -> None:
-        landed = self.ready <= now.time
-        self.phase = np.where(landed, int(AgentPhase.LANDED), self.phase)
-        self.position[landed, 2] = 0.0
+    def fly(self, now: Estimate, goals: Goals) -> None:
         plan = self.planner.plan(now, goals)
         assert not plan.unreachable.any(), plan.reasons
-        fly = plan.setpoint.active & (self.phase == AgentPhase.FLYING)
-        self.velocity = np.where(fly[:, None], plan.setpoint.velocity, 0.0)
-        self.yaw = np.where(fly, plan.setpoint.yaw, self.yaw)
-        self.position = self.position + self.scene.period * self.velocity
+        active = plan.setpoint.active & self.steered()
+        self.send(replace(plan.setpoint, active=active))
 
 
 def search_it(
@@ -175,13 +172,13 @@ def search_it(
     filled = fill_defaults(options, SPEC.options)
     task: Any = SPEC.make(scene, rows or tuple(range(len(scene.agents))), **filled)
     meddle(0.0, task, scouts)
-    estimated, healthy = scouts.now(0.0)
+    estimated, healthy = scouts.now()
     limit = task.begin(estimated, healthy)
     found = Searched(limit, space=task._space)
     for tick in range(math.ceil(longest / scene.period)):
         found.time = tick * scene.period
         meddle(found.time, task, scouts)
-        estimated, healthy = scouts.now(found.time)
+        estimated, healthy = scouts.now()
         step = task.step(estimated, healthy)
         found.position.append(scouts.position.copy())
         found.status, found.reason = step.status, step.reason
@@ -191,11 +188,9 @@ def search_it(
             break
         for command in step.commands:
             found.commands.append((found.time, command))
-            scouts.phase = scouts.phase.copy()
-            scouts.phase[command.agent] = AgentPhase.LANDING
-            scouts.ready[command.agent] = found.time + command.duration
-        if step.goals is not None:
-            scouts.move(estimated, step.goals)
+            scouts.command(command)
+        scouts.fly(estimated, step.goals or Goals.none(len(scene.agents)))
+        scouts.wait((tick + 1) * scene.period)
     found.phase, found.finder = scouts.phase, scouts.finder
     return found
 
