@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+import runpy
 from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 
 from star_core import Agent, Array, Command, Obstacle, Order, Setpoint, Supervisor
 from star_core.testing import scene
@@ -109,3 +113,12 @@ def hovering(n: int = 1, *, height: float = 0.8, **options: Any) -> Flight:
     flight = Flight(n, **options)
     flight.rise(height)
     return flight
+
+
+@cache
+def benchmark() -> dict[str, Any]:
+    """Return the names of ``benchmarks/sim.py``, which imports others of its folder."""
+    folder = Path(__file__).parents[4] / "benchmarks"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(folder)
+        return runpy.run_path(str(folder / "sim.py"))

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-import runpy
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,7 +12,7 @@ from star_sim import sensors
 from star_sim.airframe import DRAG_XY, MASS
 from star_sim.drone import VELOCITY, standing
 from star_sim.estimator import lean
-from tests.plugins.transports.star_sim.conftest import Flight, hovering
+from tests.plugins.transports.star_sim.conftest import Flight, benchmark, hovering
 
 
 def test_noiseless_telemetry_is_the_truth_in_odometry_frames() -> None:
@@ -131,8 +129,7 @@ def test_the_texture_repeats_itself_without_a_seam() -> None:
 
 
 def test_three_laps_of_a_box_drift_as_a_real_crazyflie_does() -> None:
-    path = Path(__file__).parents[4] / "benchmarks" / "sim.py"
-    error = runpy.run_path(str(path))["drift"](40)
+    error = benchmark()["drift"](40)
     assert 0.1 < error.mean() < 0.6  # m²; the firmware's own estimator: 0.305 ± 0.138
 
 

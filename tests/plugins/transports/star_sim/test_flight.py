@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-import runpy
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,9 +13,7 @@ from hypothesis import strategies as st
 from star_core import Order
 from star_sim import airframe
 from star_sim.drone import VELOCITY
-from tests.plugins.transports.star_sim.conftest import Flight, hovering
-
-BENCHMARK = runpy.run_path(str(Path(__file__).parents[4] / "benchmarks" / "sim.py"))
+from tests.plugins.transports.star_sim.conftest import Flight, benchmark, hovering
 
 
 def in_the_air(flight: Any, height: float = 5.0) -> None:
@@ -59,7 +55,7 @@ def test_motors_off_is_free_fall_with_drag() -> None:
 def test_the_attitude_stays_a_unit_quaternion(
     rates: tuple[float, float, float], velocity: tuple[float, float, float]
 ) -> None:
-    sim = BENCHMARK["hover"](1, noise=False)
+    sim = benchmark()["hover"](1, noise=False)
     sim.drones["rates"], sim.drones["velocity"] = rates, velocity
     sim.wait(1.0)
     assert np.linalg.norm(sim.truth().attitude, axis=1) == pytest.approx(1.0, abs=1e-12)
@@ -89,14 +85,14 @@ def test_the_kernel_agrees_with_plain_numpy() -> None:
     n = 11  # a full layout of eight, and one that is not full
     rng = np.random.default_rng(1)
     heading = rng.uniform(-3, 3, n)
-    sim = BENCHMARK["hover"](n, noise=False)
+    sim = benchmark()["hover"](n, noise=False)
     drones = sim.drones
     drones["position"] += rng.normal(0, 0.1, (n, 3))
     drones["attitude"][:, 2], drones["attitude"][:, 3] = np.sin(heading / 2), np.cos(heading / 2)
     drones["thrust"] = 0.0
     drones["origin_yaw"] = drones["seen_yaw"] = heading
     drones["slip"] = np.stack([np.cos(heading), -np.sin(heading)], axis=1)
-    peer = BENCHMARK["NumpySwarm"](drones["position"], heading)
+    peer = benchmark()["NumpySwarm"](drones["position"], heading)
     for tick in range(40):
         velocity, yaw = rng.uniform(-1, 1, (n, 3)), rng.uniform(-3, 3, n)
         drones["reference_velocity"], drones["reference_yaw"] = velocity, yaw
