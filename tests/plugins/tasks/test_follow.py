@@ -93,6 +93,15 @@ def test_the_point_waits_while_its_agent_is_not_located(make: Any, fly: Any) -> 
     assert flown.status is Status.SUCCESS
 
 
+def test_it_waits_until_all_are_located(make: Any, fly: Any) -> None:
+    room = scene(2)
+    task = make("follow", room, (0, 1), **CIRCLE)
+    start = [[1.0, 0.0, 0.8], [-1.0, 0.0, 0.8]]
+    flown = fly(task, room, start, located=lambda time: np.array([True, time >= 1.0]))
+    assert flown.goals[19] is None
+    assert flown.status is Status.SUCCESS
+
+
 def test_several_agents_stay_evenly_apart(make: Any, fly: Any) -> None:
     room = scene(2)
     task = make("follow", room, (0, 1), **CIRCLE)
