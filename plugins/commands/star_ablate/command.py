@@ -220,7 +220,7 @@ def _write_results(
     study: Study, folder: Path, done: Sequence[tuple[Run, Result]], *, interrupted: bool
 ) -> StudyResults:
     """Write the table of the runs of a study, and return its results."""
-    flown = StudyResults(tuple(run.flown(result) for run, result in done), interrupted)
+    flown = StudyResults(tuple(run.flight(result) for run, result in done), interrupted)
     replace_file(folder / "results.csv", flown.as_csv(study.factors, study.measures))
     replace_file(folder / "timings.csv", flown.timings(study.factors))
     return flown

@@ -59,7 +59,7 @@ class Run:
         """Return the run for a worker; `folder` is for its record."""
         return Job(self.mission(), folder, self.condition.assignments, self.condition.basis)
 
-    def flown(self, result: Result) -> StudyFlight:
+    def flight(self, result: Result) -> StudyFlight:
         """Return the run for the tables."""
         file, levels = self.condition.file, self.condition.levels
         return StudyFlight(

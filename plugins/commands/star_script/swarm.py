@@ -19,7 +19,7 @@ SOLID_COLOR: Final = 7  # effect of the ring of LEDs
 ON_BATTERY, LOW_POWER = 0, 3  # states of the firmware's power management
 
 
-class _Commanded:
+class _Commands:
     """What one drone and all of them understand."""
 
     _flight: ScriptFlight
@@ -46,7 +46,7 @@ class _Commanded:
         return self._flight.rows(int(mask))
 
 
-class Crazyflie(_Commanded):
+class Crazyflie(_Commands):
     """One drone."""
 
     def __init__(self, flight: ScriptFlight, row: int) -> None:
@@ -225,7 +225,7 @@ class OldCrazyflie(Crazyflie):
         return float(self._flight.tick.estimate.yaw[self._row])
 
 
-class CrazyflieServer(_Commanded):
+class CrazyflieServer(_Commands):
     """All drones, and broadcasts to them."""
 
     def __init__(self, flight: ScriptFlight, drones: list[Crazyflie]) -> None:

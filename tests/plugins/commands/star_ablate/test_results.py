@@ -31,7 +31,7 @@ def results(*summaries: Any) -> list[tuple[Run, Result]]:
 
 
 def as_csv(study: Study, flown: list[tuple[Run, Result]]) -> str:
-    flights = tuple(run.flown(result) for run, result in flown)
+    flights = tuple(run.flight(result) for run, result in flown)
     return StudyResults(flights, interrupted=False).as_csv(study.factors, study.measures)
 
 

@@ -10,7 +10,6 @@ import pytest
 
 from star_core import (
     AvoiderSpec,
-    Localizer,
     LocalizerSpec,
     Mission,
     PlannerSpec,
@@ -119,19 +118,27 @@ def test_flights_high_enough_above_an_obstacle_are_none() -> None:
     assert warnings(world=low, changes=RANGER) == []
 
 
-class TrustedHeights:
-    """Offers a localizer that takes what is below for the floor."""
+NEVER_MADE: Any = object
+
+
+class Heights:
+    """Offers a localizer that corrects heights, or takes what is below for the floor."""
+
+    def __init__(self, *, corrects: bool) -> None:
+        self._corrects = corrects
 
     @hookimpl
     def star_localizers(self) -> Iterable[LocalizerSpec]:
-        yield LocalizerSpec(name="odometer", summary="Trusts.", make=_no_localizer)
+        yield LocalizerSpec(
+            name="ranger", summary="Maps.", make=NEVER_MADE, corrects_heights=self._corrects
+        )
 
 
 def test_without_corrected_heights_every_edge_is_one() -> None:
-    changes = (*RANGER, "localizer=odometer")
-    (over,) = warnings("", "", LOW_WALL, TrustedHeights(), changes=changes)
+    changes, trusts = (*RANGER, "localizer=ranger"), Heights(corrects=False)
+    (over,) = warnings("", "", LOW_WALL, trusts, changes=changes)
     assert over.endswith("it climbs by 0.60 m [over-obstacle]")
-    found = warnings("[-1, 0, 0]", "[-1, 0, 0.5]", TABLE, TrustedHeights(), changes=changes)
+    found = warnings("[-1, 0, 0]", "[-1, 0, 0.5]", TABLE, trusts, changes=changes)
     assert "cf1 flies over the floor" in found[-1]
     assert found[-1].endswith("it sinks by 0.40 m [over-obstacle]")
 
@@ -143,9 +150,6 @@ def test_a_planner_leads_over_an_obstacle_or_around_it() -> None:
     *_, over = warnings(world=low.replace("size: [1, 0.1]", wide), changes=changes)
     assert "cf1 flies over obstacle 'wall'" in over
     assert over.endswith("[over-obstacle]")
-
-
-NEVER_MADE: Any = object
 
 
 class Silent:
@@ -188,21 +192,9 @@ def test_obstacles_below_map_referenced_heights_are_not_reported(changes: tuple[
     assert warnings(world=LOW_WALL, changes=changes) == []
 
 
-def _no_localizer(*_arguments: object, **_options: object) -> Localizer:
-    raise NotImplementedError
-
-
-class RightHeights:
-    """Announces a localizer that corrects heights."""
-
-    @hookimpl
-    def star_localizers(self) -> Iterator[LocalizerSpec]:
-        yield LocalizerSpec(name="map", summary="Maps.", make=_no_localizer, corrects_heights=True)
-
-
 def test_height_correcting_localizers_may_cross_obstacles() -> None:
-    changes = (*RANGER, "localizer=map")
-    assert warnings("", "", LOW_WALL, RightHeights(), changes=changes) == []
+    changes = (*RANGER, "localizer=ranger")
+    assert warnings("", "", LOW_WALL, Heights(corrects=True), changes=changes) == []
 
 
 class TooLong:
