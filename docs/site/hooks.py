@@ -119,8 +119,13 @@ def _content(path: str) -> str:
         return file.read_text(encoding="utf-8")
     head = f"---\nsearch:\n  exclude: true\n---\n\n# `{path}`\n\n"
     if file.is_dir():
-        names = sorted(one.name for one in file.iterdir() if one.suffix in LANGUAGES)
-        return head + "".join(f"- [{name}]({name})\n" for name in names)
+        entries = sorted(entry for entry in file.iterdir() if entry.is_file())
+        return head + "".join(
+            f"- [{entry.name}]({entry.name})\n"
+            if entry.suffix in LANGUAGES
+            else f"- `{entry.name}`\n"
+            for entry in entries
+        )
     text = file.read_text(encoding="utf-8")
     if file.suffix == ".ipynb":
         return head + "\n".join(_cells(text))
