@@ -56,7 +56,7 @@ settings.register_profile("campaign", max_examples=400, deadline=None)
 settings.load_profile("star")
 
 # Folders whose tests share expensive fixtures run in one process, as the tests of any file do; long
-# tests that share nothing are distributed among all processes, at the end.
+# tests that share nothing are distributed among all processes.
 TOGETHER: Final = (
     "tests/outside/",
     "tests/plugins/commands/star_ablate/",
@@ -155,12 +155,15 @@ def pytest_xdist_auto_num_workers() -> Generator[None, int, int]:
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
-    """Distribute the files of tests among processes.
+    """Distribute the files of tests among processes, in the order of their names.
 
-    The marks of pytest-xdist 3.8 for that have no effect with pytest 9.2.
+    By default the file with the most tests comes first, and flights in real time, of which a file
+    has few, would come last, one after the other. The marks of pytest-xdist 3.8 for distributions
+    have no effect with pytest 9.2.
     """
     from xdist.scheduler import LoadScopeScheduling
 
+    config.option.loadscopereorder = False
     scheduling: Any = LoadScopeScheduling(config, log)
     scheduling._split_scope = _work_unit
     return scheduling
