@@ -130,7 +130,7 @@ def until(holds: object) -> None:
 
 def main() -> None:
     """Measure and print."""
-    given = command_line(__doc__).parse_args()
+    options = command_line(__doc__).parse_args()
     rng = np.random.default_rng(0)
     images = [rng.integers(0, 256, SHAPE, np.uint8) for _ in range(IMAGES)]
     pairs = [(ours(images), theirs(images)) for _ in range(ROUNDS)]
@@ -142,7 +142,7 @@ def main() -> None:
     for name, decks, rate, jpeg in STREAMS:
         lost, delay, load = stream(decks, rate, jpeg=jpeg)
         figures |= {f"{name}_lost": lost, f"{name}_delay_ms": delay, f"{name}_load": load}
-    show(figures, as_json=given.json)
+    show(figures, as_json=options.json)
 
 
 if __name__ == "__main__":

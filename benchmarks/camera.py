@@ -202,9 +202,9 @@ def recall(count: int) -> dict[str, float]:
 
 
 def main() -> None:
-    given = command_line(__doc__).parse_args()
+    options = command_line(__doc__).parse_args()
     cv2.setNumThreads(1)
-    show(speed() | likeness() | recall(LOOKS), as_json=given.json)
+    show(speed() | likeness() | recall(LOOKS), as_json=options.json)
 
 
 if __name__ == "__main__":

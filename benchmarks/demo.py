@@ -35,10 +35,10 @@ def factors(flights: int) -> list[float]:
 
 def main() -> None:
     """Print the figures."""
-    given = command_line(__doc__, flights=25).parse_args()
-    found = factors(given.flights)
+    options = command_line(__doc__, flights=25).parse_args()
+    found = factors(options.flights)
     figures = {"first": found[0], "median": statistics.median(found), "best": max(found)}
-    show(figures, as_json=given.json)
+    show(figures, as_json=options.json)
 
 
 if __name__ == "__main__":

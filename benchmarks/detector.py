@@ -78,12 +78,12 @@ def main() -> None:
     """Print a table, or with ``--json`` one object."""
     parser = command_line(__doc__, images=200, scenes=6)
     parser.add_argument("photos", nargs="?", type=Path, help="a folder of photographs")
-    given = parser.parse_args()
+    options = parser.parse_args()
     cv2.setNumThreads(1)
-    figures = compare(list(cases(given.images))) | scenes(given.scenes)
-    if given.photos is not None:
-        figures |= photographs(given.photos)
-    show(figures, as_json=given.json)
+    figures = compare(list(cases(options.images))) | scenes(options.scenes)
+    if options.photos is not None:
+        figures |= photographs(options.photos)
+    show(figures, as_json=options.json)
 
 
 def compare(images: Sequence[Case]) -> dict[str, float]:

@@ -157,11 +157,11 @@ def load(n: int, log_period: int) -> dict[str, float]:
 
 
 def main() -> None:
-    given = command_line(__doc__).parse_args()
+    options = command_line(__doc__).parse_args()
     figures: dict[str, Any] = {}
     for n, log_period in FLEETS:
         figures |= load(n, log_period)
-    show(figures, as_json=given.json)
+    show(figures, as_json=options.json)
 
 
 if __name__ == "__main__":

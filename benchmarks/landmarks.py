@@ -38,10 +38,10 @@ RADIUS, SPEED = 1.97, 0.28  # m and m/s: the paper's circle
 
 def main() -> None:
     """Print a table, or with ``--json`` one object."""
-    given = command_line(__doc__).parse_args()
+    options = command_line(__doc__).parse_args()
     factor = flown("three_eyes.yaml")["realtime_factor"]
     figures = frames() | growth() | {"three_cameras_realtime_factor": factor}
-    show(figures, as_json=given.json)
+    show(figures, as_json=options.json)
 
 
 def frames() -> dict[str, float]:

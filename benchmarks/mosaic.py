@@ -33,12 +33,12 @@ WAYS: dict[str, Callable[[Image], Image]] = {
 
 def main() -> None:
     """Print a table, or with ``--json`` one object."""
-    given = command_line(__doc__, scenes=3).parse_args()
+    options = command_line(__doc__, scenes=3).parse_args()
     figures: dict[str, float] = {}
     for name, colors in (("neutral", 0.0), ("colorful", 0.25)):
         for condition in ("small", "small_slanted"):
-            figures |= compare(f"{name}_{condition}", condition, colors, given.scenes)
-    show(figures, as_json=given.json)
+            figures |= compare(f"{name}_{condition}", condition, colors, options.scenes)
+    show(figures, as_json=options.json)
 
 
 def compare(name: str, condition: str, colors: float, count: int) -> dict[str, float]:

@@ -72,8 +72,8 @@ class Naive:
 
 def main() -> None:
     """Print a table, or with ``--json`` one object."""
-    given = command_line(__doc__).parse_args()
-    show(figures(), as_json=given.json, goals=GOALS)
+    options = command_line(__doc__).parse_args()
+    show(figures(), as_json=options.json, goals=GOALS)
 
 
 def figures() -> dict[str, float]:

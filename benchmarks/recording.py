@@ -74,11 +74,11 @@ def cost(mission: Path, folder: Path | None) -> dict[str, float]:
 
 def main() -> None:
     """Print the figures."""
-    given = command_line(__doc__, rounds=ROUNDS).parse_args()
+    options = command_line(__doc__, rounds=ROUNDS).parse_args()
     found: dict[str, list[dict[str, float]]] = {"recorded": [], "not recorded": []}
     with TemporaryDirectory() as name:
         mission = write(Path(name), AGENTS, RADIUS, TRANSPORT, TURNS)
-        for number in range(given.rounds):  # the first flight, a recorded one, loads the kernels
+        for number in range(options.rounds):  # the first flight, a recorded one, loads the kernels
             found["recorded"].append(cost(mission, Path(name) / str(number)))
             found["not recorded"].append(cost(mission, None))
     table: Mapping[str, Any] = {
@@ -87,7 +87,7 @@ def main() -> None:
     }
     program = table["recorded"]["program"] - table["not recorded"]["program"]
     total = program + table["recorded"]["writer"]
-    if given.json:
+    if options.json:
         print(json.dumps({"flights": table, "cost": total, "goal": GOAL}))
         return
     print("| 10 drones, 20 Hz, real time | program | process that writes |\n|---|---:|---:|")

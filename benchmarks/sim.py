@@ -245,14 +245,14 @@ def drift(agents: int = 20, laps: int = 3, side: float = 2.37, cruise: float = 0
 
 
 def main() -> None:
-    given = command_line(__doc__).parse_args()
+    options = command_line(__doc__).parse_args()
     figures: dict[str, float] = {}
     for n in AGENTS:
         figures |= speed(n)
     error = drift(laps=LAPS)
     figures["drift_box_mse_m2_mean"] = float(error.mean())
     figures["drift_box_mse_m2_std"] = float(error.std(ddof=1))
-    show(figures, as_json=given.json)
+    show(figures, as_json=options.json)
 
 
 if __name__ == "__main__":

@@ -317,9 +317,9 @@ def bound(name: str) -> float | None:
 
 def main() -> int:
     """Print the figures; return 1 if a bound is broken."""
-    given = command_line(__doc__, minutes=MINUTES, drones=DRONES).parse_args()
+    options = command_line(__doc__, minutes=MINUTES, drones=DRONES).parse_args()
     with TemporaryDirectory() as folder:
-        soak = fly(Path(folder), given.drones, given.minutes)
+        soak = fly(Path(folder), options.drones, options.minutes)
         if not (soak.folder / "timing.npz").exists():
             sys.exit("the flight left no record:\n" + "\n".join(soak.texts.values()))
         found = figures(soak)
@@ -327,7 +327,7 @@ def main() -> int:
         name for name, value in found.items()
         if (most := bound(name)) is not None and not value <= most
     ]  # fmt: skip
-    if given.json:
+    if options.json:
         print(json.dumps(found | {"broken": broken}))
         return bool(broken)
     for name, value in found.items():

@@ -108,12 +108,12 @@ def flight(cache: str) -> tuple[float, float]:
 
 def main() -> None:
     """Print the figures."""
-    given = command_line(__doc__, rounds=15).parse_args()
+    options = command_line(__doc__, rounds=15).parse_args()
     with TemporaryDirectory() as folder:
         os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
         os.environ["PYTHONPYCACHEPREFIX"] = folder
-        measured = figures(given.rounds) | first_flight(given.rounds)
-    show(measured, as_json=given.json, goals=GOALS)
+        measured = figures(options.rounds) | first_flight(options.rounds)
+    show(measured, as_json=options.json, goals=GOALS)
 
 
 if __name__ == "__main__":

@@ -130,9 +130,9 @@ def measure(agents: int = AGENTS) -> tuple[dict[str, float], Mapping[str, Any]]:
 
 def main() -> None:
     """Print the figures."""
-    given = command_line(__doc__, agents=AGENTS).parse_args()  # a multiple of 40
-    figures, _ = measure(given.agents)
-    show(figures, as_json=given.json)
+    options = command_line(__doc__, agents=AGENTS).parse_args()  # a multiple of 40
+    figures, _ = measure(options.agents)
+    show(figures, as_json=options.json)
 
 
 if __name__ == "__main__":

@@ -112,8 +112,8 @@ def main() -> None:
     arguments = command_line(__doc__)
     arguments.add_argument("mission", nargs="?", default=str(ROOT / "missions/first_flight.yaml"))
     arguments.add_argument("--check", action="store_true")
-    given = arguments.parse_args()
-    calls = (calls_of_check if given.check else calls_of_one_tick)(given.mission)
+    options = arguments.parse_args()
+    calls = (calls_of_check if options.check else calls_of_one_tick)(options.mission)
     figures = {
         "files": len(calls),
         "core_files": sum(file.startswith("star_core/") for file in calls),
@@ -124,7 +124,7 @@ def main() -> None:
             if file in BOOKKEEPING
         ),
     }
-    if given.json:
+    if options.json:
         print(json.dumps(figures))
         return
     for file, functions in sorted(calls.items()):

@@ -11,7 +11,7 @@ import pytest
 from star_core import Registry
 from star_core.commands import run_command
 
-Said: TypeAlias = pytest.CaptureFixture[str]
+Printed: TypeAlias = pytest.CaptureFixture[str]
 """The fixture ``capsys``: what a command prints."""
 
 

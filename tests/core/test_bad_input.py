@@ -156,7 +156,7 @@ WORDS = b"""
 
 
 def answer(*arguments: str) -> tuple[int, list[str]]:
-    """Check a mission, and return the exit status and what was said of what is wrong."""
+    """Check a mission, and return the exit status and what is printed of what is wrong."""
     out, err = io.StringIO(), io.StringIO()
     with redirect_stdout(out), redirect_stderr(err):
         status = main(["check", "m.yaml", *arguments])

@@ -24,20 +24,20 @@ from tests.commands import problem_lines
 LATE = ("--set", "mission.0.takeoff.timeout=0.01")  # no agent is up by then
 WALL = ("wall_time_s", "realtime_factor", "compute_us", "compute_s")
 ENTER = "import sys; from star_core.commands.main import main; sys.exit(main())"
-Said: TypeAlias = pytest.CaptureFixture[str]
+Printed: TypeAlias = pytest.CaptureFixture[str]
 pytestmark = pytest.mark.usefixtures("hop")
 
 
 @pytest.fixture
-def said(capsys: Said) -> Said:
+def captured(capsys: Printed) -> Printed:
     """What is printed, and where."""
     return capsys
 
 
-def flown(said: Said, *arguments: str) -> dict[str, Any]:
+def flown(captured: Printed, *arguments: str) -> dict[str, Any]:
     """Fly the mission and return the JSON that is printed, but for its wall time."""
     assert main(["run", "hop.yaml", "--json", "--no-record", *arguments]) == 0
-    summary: dict[str, Any] = json.loads(said.readouterr().out)
+    summary: dict[str, Any] = json.loads(captured.readouterr().out)
     return {key: value for key, value in summary.items() if key not in WALL}
 
 
@@ -48,24 +48,24 @@ def recorded(file: str, folder: str = "out") -> Any:
 # Exit status
 
 
-def test_a_mission_that_completes_exits_with_0(said: Said) -> None:
+def test_a_mission_that_completes_exits_with_0(captured: Printed) -> None:
     assert main(["run", "hop.yaml"]) == 0
-    assert said.readouterr().out.startswith("hop: completed\n")
+    assert captured.readouterr().out.startswith("hop: completed\n")
 
 
-def test_a_mission_that_fails_exits_with_1_and_prints_the_reason(said: Said) -> None:
+def test_a_mission_that_fails_exits_with_1_and_prints_the_reason(captured: Printed) -> None:
     assert main(["run", "hop.yaml", *LATE]) == 1
-    assert said.readouterr().out.startswith(
+    assert captured.readouterr().out.startswith(
         "hop: failed: hop.yaml:13 takeoff cf1, cf2 failed: timed out"
     )
 
 
-def test_star_run_is_star_then_run(said: Said, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_star_run_is_star_then_run(captured: Printed, monkeypatch: pytest.MonkeyPatch) -> None:
     arguments = ["hop.yaml", "--json", "--no-record"]
     monkeypatch.setattr(sys, "argv", ["/usr/bin/star-run", *arguments])
     assert main() == 0
-    summary = json.loads(said.readouterr().out)
-    assert {key: summary[key] for key in summary if key not in WALL} == flown(said)
+    summary = json.loads(captured.readouterr().out)
+    assert {key: summary[key] for key in summary if key not in WALL} == flown(captured)
 
 
 def test_both_commands_are_installed() -> None:
@@ -73,10 +73,12 @@ def test_both_commands_are_installed() -> None:
     assert scripts["star"].load() is scripts["star-run"].load() is main
 
 
-def test_arguments_default_to_the_command_line(said: Said, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_arguments_default_to_the_command_line(
+    captured: Printed, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(sys, "argv", ["star", "check", "hop.yaml"])
     assert main() == 0
-    assert said.readouterr() == ("hop.yaml: 'hop' can be flown, with 2 agents\n", "")
+    assert captured.readouterr() == ("hop.yaml: 'hop' can be flown, with 2 agents\n", "")
 
 
 # star check
@@ -105,37 +107,37 @@ CAMERA = "star: 1\nname: mine\nwidth: 640\nheight: 480\n"
         (STUDY + "seeds: 2\n", "'radii', a study of 2 runs"),
     ],
 )
-def test_files_of_every_kind_are_described(said: Said, text: str, reported: str) -> None:
+def test_files_of_every_kind_are_described(captured: Printed, text: str, reported: str) -> None:
     Path("file.yaml").write_text(text)
     assert main(["check", "file.yaml"]) == 0
-    assert said.readouterr() == (f"file.yaml: {reported}\n", "")
+    assert captured.readouterr() == (f"file.yaml: {reported}\n", "")
 
 
-def test_what_is_set_is_checked_in_a_file_of_steps_too(said: Said) -> None:
+def test_what_is_set_is_checked_in_a_file_of_steps_too(captured: Printed) -> None:
     Path("steps.yaml").write_text("star: 1\nparameters: {b: 1}\nmission: [hold: {for: $b}]\n")
     assert main(["check", "steps.yaml", "--set", "parameters.b=-1"]) == 2
     fault = (
         "--set parameters.b=-1: steps.yaml:3:23: hold: for: -1 is less than the minimum of 0"
         " [out-of-range]"
     )
-    printed = said.readouterr()
+    printed = captured.readouterr()
     assert (printed.out, problem_lines(printed.err)) == ("", [fault])
 
 
-def test_what_is_set_makes_no_file_a_mission(said: Said) -> None:
+def test_what_is_set_makes_no_file_a_mission(captured: Printed) -> None:
     Path("steps.yaml").write_text("star: 1\nmission: [land: {}]\n")
     assert main(["run", "steps.yaml", "--speed", "1"]) == 2
-    assert said.readouterr().err.startswith(
+    assert captured.readouterr().err.startswith(
         "steps.yaml:1:1: this is a file of steps, expected a mission"
     )
     assert main(["check", "steps.yaml", "--speed", "1"]) == 0
-    assert said.readouterr().out.startswith("steps.yaml: 1 step for missions to include")
+    assert captured.readouterr().out.startswith("steps.yaml: 1 step for missions to include")
 
 
-def test_a_mission_without_a_swarm_is_no_file_of_steps(said: Said) -> None:
+def test_a_mission_without_a_swarm_is_no_file_of_steps(captured: Printed) -> None:
     Path("m.yaml").write_text("star: 1\nname: m\nworld: w.yaml\nmission: [land: {}]\n")
     assert main(["check", "m.yaml"]) == 2
-    assert "missing key 'swarm'" in said.readouterr().err
+    assert "missing key 'swarm'" in captured.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -149,10 +151,10 @@ def test_a_mission_without_a_swarm_is_no_file_of_steps(said: Said) -> None:
     ],
 )
 @pytest.mark.parametrize("command", ["run", "explain"])
-def test_a_file_that_is_no_mission_is_not_flown(said: Said, command: str, text: str) -> None:
+def test_a_file_that_is_no_mission_is_not_flown(captured: Printed, command: str, text: str) -> None:
     Path("file.yaml").write_text(text)
     assert main([command, "file.yaml"]) == 2
-    out, err = said.readouterr()
+    out, err = captured.readouterr()
     assert (out, err[:15], err[-13:]) == ("", "file.yaml:1:1: ", "[wrong-file]\n")
 
 
@@ -200,14 +202,14 @@ def test_what_is_set_is_what_is_flown_and_kept(
     assert {key: mission[key] for key in expected} == expected
 
 
-def test_a_step_that_is_set_is_flown(said: Said) -> None:
-    low = flown(said)["path_length_m"]["total"]
-    high = flown(said, "--set", "mission.0.takeoff.height=1.2")["path_length_m"]["total"]
+def test_a_step_that_is_set_is_flown(captured: Printed) -> None:
+    low = flown(captured)["path_length_m"]["total"]
+    high = flown(captured, "--set", "mission.0.takeoff.height=1.2")["path_length_m"]["total"]
     assert high > low + 2 * 2 * 0.8  # two agents, up and down, 0.9 m higher
 
 
-def test_a_speed_changes_the_pace_and_nothing_else(said: Said) -> None:
-    assert flown(said, "--speed", "1e6") == flown(said)
+def test_a_speed_changes_the_pace_and_nothing_else(captured: Printed) -> None:
+    assert flown(captured, "--speed", "1e6") == flown(captured)
 
 
 # Signals
@@ -249,21 +251,21 @@ def test_signals_during_a_write_to_stderr_are_acknowledged(
 
 
 def test_being_asked_to_terminate_lands_all_agents(
-    said: Said, with_plugin: Callable[[object], None]
+    captured: Printed, with_plugin: Callable[[object], None]
 ) -> None:
     with_plugin(Signaller(signal.SIGTERM))
     assert main(["run", "hop.yaml"]) == 1
-    out, err = said.readouterr()
+    out, err = captured.readouterr()
     assert out.startswith("hop: aborted: interrupted by the operator\n")
     assert "star: SIGTERM: landing; again stops the motors\n" in err
 
 
 def test_a_third_interrupt_ends_a_flight_that_hangs(
-    said: Said, with_plugin: Callable[[object], None]
+    captured: Printed, with_plugin: Callable[[object], None]
 ) -> None:
     with_plugin(Signaller(signal.SIGINT, signal.SIGINT, signal.SIGINT))
     assert main(["run", "hop.yaml"]) == 1
-    assert said.readouterr().err.splitlines()[-1] == "interrupted"
+    assert captured.readouterr().err.splitlines()[-1] == "interrupted"
 
 
 def test_after_a_flight_signals_do_what_they_did_before(
@@ -294,11 +296,13 @@ class Stopper:
             self.status = main(["stop"])
 
 
-def test_star_stop_lands_all_agents(said: Said, with_plugin: Callable[[object], None]) -> None:
+def test_star_stop_lands_all_agents(
+    captured: Printed, with_plugin: Callable[[object], None]
+) -> None:
     with_plugin(stopper := Stopper())
     assert main(["run", "hop.yaml", "--no-record"]) == 1
     assert stopper.status == 0
-    out, err = said.readouterr()
+    out, err = captured.readouterr()
     assert "hop: aborted: interrupted by the operator\n" in out
     assert "star: star stop: landing\n" in err
 
@@ -319,7 +323,7 @@ def test_verbose_shows_where_a_plugin_raised() -> None:
 
 
 @pytest.fixture
-def refused(said: Said) -> Callable[..., list[str]]:
+def refused(captured: Printed) -> Callable[..., list[str]]:
     """Run ``star``, see that it refuses and leaves nothing behind, and return its errors."""
 
     def star(*arguments: str) -> list[str]:
@@ -328,7 +332,7 @@ def refused(said: Said) -> Callable[..., list[str]]:
             status = main(arguments)
         except SystemExit as error:  # argparse's way to return
             status = int(error.code or 0)
-        out, err = said.readouterr()
+        out, err = captured.readouterr()
         assert (status, out) == (2, "")
         assert sorted(Path().rglob("*")) == before
         return problem_lines(err)
@@ -424,11 +428,11 @@ class Chatty:
 
 
 def test_what_plugins_print_is_not_in_the_json(
-    said: Said, with_plugin: Callable[[object], None]
+    captured: Printed, with_plugin: Callable[[object], None]
 ) -> None:
     with_plugin(Chatty())
     assert main(["run", "hop.yaml", "--json", "--no-record"]) == 0
-    printed = said.readouterr()
+    printed = captured.readouterr()
     assert json.loads(printed.out)["outcome"] == "completed"
     assert "hello" in printed.err
 
@@ -458,7 +462,7 @@ class Counter:
 
 
 def test_an_option_of_a_plugin_adds_an_observer(
-    said: Said, with_plugin: Callable[[object], None]
+    captured: Printed, with_plugin: Callable[[object], None]
 ) -> None:
     for arguments, ticks in ([], 0), (["--count"], 9.8 * 10):
         counter = Counter()
@@ -467,12 +471,12 @@ def test_an_option_of_a_plugin_adds_an_observer(
         assert counter.ticks == pytest.approx(ticks, rel=0.2)
     with pytest.raises(SystemExit):
         main(["run", "--help"])
-    assert "--count" in said.readouterr().out
+    assert "--count" in captured.readouterr().out
 
 
 @pytest.mark.parametrize("name", ["seed", "json", "help"])
 def test_an_option_named_like_one_of_star_run_is_left_out(
-    said: Said, with_plugin: Callable[[object], None], name: str
+    captured: Printed, with_plugin: Callable[[object], None], name: str
 ) -> None:
     class Seeds:
         @hookimpl
@@ -482,7 +486,7 @@ def test_an_option_named_like_one_of_star_run_is_left_out(
     with_plugin(Seeds())
     assert main(["run", "hop.yaml", "--no-record", "--seed", "3"]) == 0
     left_out = f"star: --{name} of their-dist 1.2:theirs is left out: star run has an option of"
-    assert left_out in said.readouterr().err
+    assert left_out in captured.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -493,29 +497,29 @@ def test_an_option_named_like_one_of_star_run_is_left_out(
     ],
 )
 def test_unusable_plugin_options_end_the_run_before_the_flight(
-    said: Said, with_plugin: Callable[[object], None], wrong: Exception, message: str
+    captured: Printed, with_plugin: Callable[[object], None], wrong: Exception, message: str
 ) -> None:
     with_plugin(Counter(wrong))
     assert main(["run", "hop.yaml", "--no-record", "--count"]) == 2
-    printed = said.readouterr().err
+    printed = captured.readouterr().err
     assert printed.startswith(message)
     assert "takeoff" not in printed
 
 
-def test_help_describes_commands(said: Said) -> None:
+def test_help_describes_commands(captured: Printed) -> None:
     assert main(["help"]) == 0
-    overview = said.readouterr().out
+    overview = captured.readouterr().out
     assert main(["--help"]) == 0
-    assert said.readouterr().out == overview
+    assert captured.readouterr().out == overview
     with pytest.raises(SystemExit, match="0"):
         main(["help", "check"])
-    assert said.readouterr().out.startswith("usage: star check [-h]")
+    assert captured.readouterr().out.startswith("usage: star check [-h]")
     assert main(["help", "chek"]) == 2
-    assert "did you mean 'check'?" in said.readouterr().err
+    assert "did you mean 'check'?" in captured.readouterr().err
 
 
 @pytest.mark.parametrize("option", ["--version", "-V"])
-def test_the_version_is_that_of_the_distribution(said: Said, option: str) -> None:
+def test_the_version_is_that_of_the_distribution(captured: Printed, option: str) -> None:
     assert main([option]) == 0
-    assert said.readouterr().out == f"star {version('star-swarm')}\n"
+    assert captured.readouterr().out == f"star {version('star-swarm')}\n"
     assert star_core.__version__ == version("star-swarm")

@@ -18,25 +18,25 @@ from star_core.plugin_support.registry import Registry
 from star_record.read_record import split_timing
 from star_record.text_log import TextLog
 
-Said: TypeAlias = pytest.CaptureFixture[str]
+Printed: TypeAlias = pytest.CaptureFixture[str]
 pytestmark = pytest.mark.usefixtures("hop")
 
 
 @pytest.fixture
-def said(capsys: Said) -> Said:
+def printed(capsys: Printed) -> Printed:
     """What is printed, and where."""
     return capsys
 
 
 @pytest.fixture
-def refused(said: Said) -> Callable[[str], str]:
-    """Run ``star run`` with ``--out``, see that nothing is flown, and return what is said."""
+def refused(printed: Printed) -> Callable[[str], str]:
+    """Run ``star run`` with ``--out``, see that nothing is flown, and return what is printed."""
 
     def run(out: str) -> str:
         before = sorted(Path().rglob("*"))
         assert main(["run", "hop.yaml", "--out", out]) == 2
         assert sorted(Path().rglob("*")) == before
-        told = said.readouterr()
+        told = printed.readouterr()
         assert told.out == ""
         return told.err
 
@@ -47,20 +47,20 @@ def recorded(file: str, folder: str = "out") -> Any:
     return json.loads((Path(folder) / file).read_text())
 
 
-def test_json_is_all_that_is_printed_and_is_what_is_recorded(said: Said) -> None:
+def test_json_is_all_that_is_printed_and_is_what_is_recorded(printed: Printed) -> None:
     assert main(["run", "hop.yaml", "--json", "--out", "out"]) == 0
-    out, err = said.readouterr()
+    out, err = printed.readouterr()
     summary, timing = split_timing(json.loads(out))
     assert (summary, timing) == (recorded("summary.json"), recorded("timing.json"))
     assert "begins" not in err  # progress of a slow flight is reported there
 
 
-def test_a_run_is_recorded_below_runs_by_time_and_name(said: Said) -> None:
+def test_a_run_is_recorded_below_runs_by_time_and_name(printed: Printed) -> None:
     assert main(["run", "hop.yaml"]) == 0
     (folder,) = (one for one in Path("runs").iterdir() if not one.is_symlink())
     assert folder.name[10] == "T"
     assert folder.name.endswith("-hop")
-    assert said.readouterr().out.endswith(f"  record            {folder}\n")
+    assert printed.readouterr().out.endswith(f"  record            {folder}\n")
 
 
 def test_runs_of_one_second_are_recorded_apart(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -87,11 +87,11 @@ def test_an_empty_folder_can_be_recorded_into() -> None:
     assert recorded("summary.json")["outcome"] == "completed"
 
 
-def test_no_record_leaves_nothing_behind(said: Said) -> None:
+def test_no_record_leaves_nothing_behind(printed: Printed) -> None:
     before = sorted(Path().rglob("*"))
     assert main(["run", "hop.yaml", "--no-record"]) == 0
     assert sorted(Path().rglob("*")) == before
-    assert "record" not in said.readouterr().out
+    assert "record" not in printed.readouterr().out
 
 
 class Thief:
@@ -105,13 +105,13 @@ class Thief:
 
 
 def test_a_record_that_was_not_written_is_not_reported(
-    said: Said, monkeypatch: pytest.MonkeyPatch
+    printed: Printed, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     registry = Registry()
     registry.add(Thief(), Source("their-dist:thief"))
     monkeypatch.setattr("star_core.plugin_support.registry.Registry", lambda: registry)
     main(["run", "hop.yaml", "--out", "a/b"])
-    assert "a/b\n" not in said.readouterr().out
+    assert "a/b\n" not in printed.readouterr().out
 
 
 class Vandal:
@@ -133,25 +133,25 @@ class Vandal:
 @pytest.mark.parametrize("json", [False, True])
 @pytest.mark.parametrize("moves", [False, True])
 def test_a_record_that_is_lost_in_flight_is_the_last_line(
-    said: Said, monkeypatch: pytest.MonkeyPatch, *, moves: bool, json: bool
+    printed: Printed, monkeypatch: pytest.MonkeyPatch, *, moves: bool, json: bool
 ) -> None:
     registry = Registry()
     registry.add(Vandal(moves=moves), Source("their-dist:vandal"))
     monkeypatch.setattr("star_core.plugin_support.registry.Registry", lambda: registry)
     assert main(["run", "hop.yaml", "--out", "out", *["--json"] * json]) == 1
-    out, err = said.readouterr()
+    out, err = printed.readouterr()
     lines = (err if json else out).splitlines()
     assert lines[-1].endswith("not recorded: out/summary.json: No such file or directory")
     assert '"outcome": "completed"' in out if json else lines[0] == "hop: completed"
 
 
-def test_a_full_disk_is_the_last_line(said: Said, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_full_disk_is_the_last_line(printed: Printed, monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(*_arguments: object) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 
     monkeypatch.setattr("star_record.spool.Spool.add", fail)
     assert main(["run", "hop.yaml", "--out", "out"]) == 1
-    assert said.readouterr().out.endswith(
+    assert printed.readouterr().out.endswith(
         "not recorded: out: trajectory from 0.00 s on: [Errno 28] No space left on device\n"
     )
 
@@ -160,7 +160,7 @@ def test_a_full_disk_is_the_last_line(said: Said, monkeypatch: pytest.MonkeyPatc
 
 
 def test_a_disk_that_is_full_at_the_end_is_the_last_line(
-    said: Said, monkeypatch: pytest.MonkeyPatch
+    printed: Printed, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     finish = TextLog.finish
 
@@ -170,7 +170,7 @@ def test_a_disk_that_is_full_at_the_end_is_the_last_line(
 
     monkeypatch.setattr("star_record.recorder.TextLog.finish", full)
     assert main(["run", "hop.yaml", "--out", "out"]) == 1
-    last = said.readouterr().out.splitlines()[-1]
+    last = printed.readouterr().out.splitlines()[-1]
     assert last == "not recorded: out: No space left on device"
 
 
@@ -192,10 +192,10 @@ def test_a_folder_that_holds_a_record_is_not_written_over(refused: Callable[[str
 
 
 @pytest.mark.parametrize("options", [["--out", "/proc/run"], []], ids=["named", "default"])
-def test_nothing_takes_off_that_cannot_be_recorded(said: Said, options: list[str]) -> None:
+def test_nothing_takes_off_that_cannot_be_recorded(printed: Printed, options: list[str]) -> None:
     Path("runs").touch()
     assert main(["run", "hop.yaml", *options]) == 2
-    (line,) = said.readouterr().err.splitlines()
+    (line,) = printed.readouterr().err.splitlines()
     assert "cannot be made: nothing can be written in '" in line
     assert ("fly with --no-record" in line) is not bool(options)
     assert line.endswith("[unwritable-file]")

@@ -16,7 +16,7 @@ import pytest
 
 from star_ablate.flight import Job, Result
 from star_core import InputError
-from tests.commands import Said, command
+from tests.commands import Printed, command
 from tests.plugins.commands.star_ablate.conftest import Write
 
 main = command("ablate")
@@ -46,7 +46,7 @@ def ablate(path: Path, *arguments: str) -> Path:
 
 @pytest.mark.usefixtures("in_process")
 def test_example_study_shows_that_orca_separates_drones(
-    missions: Path, tmp_path: Path, rows: Rows, capsys: Said
+    missions: Path, tmp_path: Path, rows: Rows, capsys: Printed
 ) -> None:
     path = missions / "studies" / "avoiders.yaml"
     assert main([str(path), "--out", str(tmp_path / "a"), "--seeds", "1", "--workers", "1"]) == 0
@@ -111,7 +111,7 @@ def test_a_run_that_hangs_is_ended_when_its_time_is_over(study: Write, rows: Row
 
 
 @pytest.mark.usefixtures("in_process")
-def test_a_study_goes_on_where_it_stopped(flown: Write, rows: Rows, capsys: Said) -> None:
+def test_a_study_goes_on_where_it_stopped(flown: Write, rows: Rows, capsys: Printed) -> None:
     before = rows(flown("").parents[1] / "out")
     after = rows(ablate(flown(HOP + SLOW + "seeds: [0, 3, 1]\n"), "--record"))
     (line,) = (line for line in capsys.readouterr().err.splitlines() if line[0] == "[")
@@ -120,7 +120,7 @@ def test_a_study_goes_on_where_it_stopped(flown: Write, rows: Rows, capsys: Said
     assert [after[0], after[2]] == before
 
 
-def test_a_quiet_study_writes_its_table_and_prints_none(flown: Write, capsys: Said) -> None:
+def test_a_quiet_study_writes_its_table_and_prints_none(flown: Write, capsys: Printed) -> None:
     out = ablate(flown(HOP + SLOW + "seeds: 2\n"), "--record", "--quiet")
     assert capsys.readouterr().out == ""
     assert "| hop | 2 | 100% |" in (out / "results.md").read_text()
@@ -128,7 +128,7 @@ def test_a_quiet_study_writes_its_table_and_prints_none(flown: Write, capsys: Sa
 
 @pytest.mark.usefixtures("in_process")
 def test_measures_that_are_asked_for_later_need_no_flight(
-    flown: Write, rows: Rows, capsys: Said
+    flown: Write, rows: Rows, capsys: Printed
 ) -> None:
     text = SLOW + "missions: [../hop.yaml]\nseeds: 1\nmeasures: "
     (row,) = rows(ablate(flown(text + "[seed, position_rmse_m]\n")))
@@ -154,7 +154,7 @@ def test_records_are_kept_when_asked_for(flown: Write) -> None:
 )
 @pytest.mark.usefixtures("instant")
 def test_what_has_changed_since_is_flown_again(
-    file: str, before: str, after: str, change: str, study: Write, wrecker: Path, capsys: Said
+    file: str, before: str, after: str, change: str, study: Write, wrecker: Path, capsys: Printed
 ) -> None:
     path = study(HOP + "seeds: 1\nfactors: {a: {b: {avoider: wrecker}, c: {}}}\n")
     hop = path.parents[1] / "hop.yaml"
@@ -200,7 +200,7 @@ def test_an_interrupt_keeps_what_is_done_and_leaves_no_process(
 
 @pytest.mark.usefixtures("instant")
 def test_a_dry_run_prints_what_would_be_flown(
-    study: Write, monkeypatch: pytest.MonkeyPatch, capsys: Said
+    study: Write, monkeypatch: pytest.MonkeyPatch, capsys: Printed
 ) -> None:
     path = study(HOP + SLOW + "seeds: 7\n")
     out = path.parents[1] / "out"

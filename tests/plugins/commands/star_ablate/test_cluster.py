@@ -19,7 +19,7 @@ from star_ablate.flight import Job, Result
 from star_ablate.reading import read
 from star_core import InputError, Registry, StarError
 from star_core.commands.main import main
-from tests.commands import Said
+from tests.commands import Printed
 from tests.plugins.commands.star_ablate.conftest import WRECKER, Write, install
 from tests.waiting import eventually, free_port
 
@@ -206,7 +206,7 @@ def test_a_worker_with_other_code_is_named_and_left_out(
     join: Callable[..., Program],
     jobs: Callable[[str, int], list[Job]],
     tmp_path: Path,
-    capsys: Said,
+    capsys: Printed,
 ) -> None:
     runs = flights(cluster, jobs(NAP, 6))
     next(runs)
@@ -248,7 +248,7 @@ def test_a_study_is_resumed_after_its_scheduler_died(
     study: Write,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
-    capsys: Said,
+    capsys: Printed,
 ) -> None:
     command = ["ablate", str(study(NAPS.format(4, NAP))), "--quiet", "--out", str(tmp_path / "out")]
     (tmp_path / "logs").mkdir()
@@ -284,7 +284,7 @@ def test_a_cluster_that_cannot_be_used_is_refused(
     study: Write,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
-    capsys: Said,
+    capsys: Printed,
 ) -> None:
     monkeypatch.setattr("star_ablate.cluster.CONNECT_TIMEOUT", 0.2)
     path = study("missions: [../hop.yaml]\n")

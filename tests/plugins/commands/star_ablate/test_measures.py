@@ -11,7 +11,7 @@ import pytest
 from star_ablate.measures import offered, paths, undeclared
 from star_core import Registry, fly, hookimpl, load
 from star_core.commands.main import main
-from tests.commands import Said
+from tests.commands import Printed
 from tests.plugins.commands.star_ablate.conftest import Write
 
 HOP = "missions: [../hop.yaml]\nseeds: 3\nmeasures: "
@@ -40,7 +40,7 @@ def test_every_measure_that_is_offered_is_in_a_summary(hop: Path) -> None:
 
 @pytest.mark.parametrize("command", ["check", "ablate"])
 def test_a_misspelt_measure_is_refused_before_a_flight(
-    command: str, study: Write, capsys: Said
+    command: str, study: Write, capsys: Printed
 ) -> None:
     path = study(f"{HOP}[flight_time_s, min_seperation_m]\n")
     assert main([command, str(path)]) == 2
@@ -50,7 +50,7 @@ def test_a_misspelt_measure_is_refused_before_a_flight(
     ) in " ".join(capsys.readouterr().err.split())
 
 
-def test_a_measure_of_no_resemblance_lists_those_there_are(study: Write, capsys: Said) -> None:
+def test_a_measure_of_no_resemblance_lists_those_there_are(study: Write, capsys: Printed) -> None:
     assert main(["ablate", str(study(f"{HOP}[energy_j]\n"))]) == 2
     assert "'energy_j'; there are" in capsys.readouterr().err
 
@@ -73,7 +73,7 @@ def test_measures_of_plugins_are_offered_or_tried(
     study: Write,
     tmp_path: Path,
     with_plugin: Callable[[object], None],
-    capsys: Said,
+    capsys: Printed,
 ) -> None:
     with_plugin(plugin)
     out = tmp_path / "out"

@@ -15,7 +15,7 @@ from star_core import InputError
 from star_core.commands.main import main
 from star_core.records.study_results import FORMULA
 from star_report.study_page import report
-from tests.commands import Said
+from tests.commands import Printed
 from tests.plugins.commands.star_ablate.conftest import Write
 
 SCRIPT = "</script><script>alert(1)</script>"
@@ -48,7 +48,7 @@ def rows(folder: Path) -> list[dict[str, str]]:
 
 
 def test_hostile_texts_of_a_journal_are_inert(
-    resume: Callable[..., int], tmp_path: Path, capsys: Said
+    resume: Callable[..., int], tmp_path: Path, capsys: Printed
 ) -> None:
     file = tmp_path / "out/runs.jsonl"
     lines = [json.loads(line) for line in file.read_text().splitlines()]
@@ -106,7 +106,7 @@ def test_hostile_measures_are_no_tracebacks(resume: Callable[..., int], tmp_path
 
 
 def test_links_in_a_study_are_not_followed(
-    resume: Callable[..., int], tmp_path: Path, capsys: Said
+    resume: Callable[..., int], tmp_path: Path, capsys: Printed
 ) -> None:
     private = tmp_path / "private"
     private.write_text("private")
@@ -121,7 +121,7 @@ def test_links_in_a_study_are_not_followed(
 
 
 def test_links_to_records_of_a_study_are_not_followed(
-    flown: Path, tmp_path: Path, capsys: Said
+    flown: Path, tmp_path: Path, capsys: Printed
 ) -> None:
     elsewhere = tmp_path / "elsewhere"
     elsewhere.mkdir()

@@ -11,7 +11,7 @@ import pytest
 from star_ablate.shards import Shard, merged
 from star_core import InputError
 from star_core.commands.main import main
-from tests.commands import Said
+from tests.commands import Printed
 from tests.plugins.commands.star_ablate.conftest import Write
 
 pytestmark = pytest.mark.usefixtures("instant")
@@ -70,7 +70,7 @@ def test_any_division_gives_the_same_table(
     ],
 )
 def test_missing_and_doubled_shards_are_named(
-    names: list[str], problem: str, ablate: Callable[..., int], tmp_path: Path, capsys: Said
+    names: list[str], problem: str, ablate: Callable[..., int], tmp_path: Path, capsys: Printed
 ) -> None:
     shards = {"1": "1/3", "2": "2/3", "3": "3/3", "copy": "1/3", "half": "1/2", "whole": "1/1"}
     for name in dict.fromkeys(names):
@@ -82,7 +82,7 @@ def test_missing_and_doubled_shards_are_named(
 
 
 def test_missing_runs_are_named_with_the_cause(
-    ablate: Callable[..., int], study: Write, tmp_path: Path, capsys: Said
+    ablate: Callable[..., int], study: Write, tmp_path: Path, capsys: Printed
 ) -> None:
     for name in ("1", "2"):
         assert ablate(name, "--shard", f"{name}/2") == 0
@@ -114,7 +114,7 @@ def test_crashed_runs_are_merged(ablate: Callable[..., int], tmp_path: Path) -> 
 
 
 def test_other_versions_are_reported(
-    ablate: Callable[..., int], tmp_path: Path, capsys: Said
+    ablate: Callable[..., int], tmp_path: Path, capsys: Printed
 ) -> None:
     for name in ("1", "2"):
         assert ablate(name, "--shard", f"{name}/2") == 0
@@ -136,7 +136,7 @@ def test_other_versions_are_reported(
     ],
 )
 def test_wrong_options_are_refused(
-    options: list[str], code: str, ablate: Callable[..., int], tmp_path: Path, capsys: Said
+    options: list[str], code: str, ablate: Callable[..., int], tmp_path: Path, capsys: Printed
 ) -> None:
     assert ablate("1", "--shard", "1/2") == 0
     assert ablate("1", *[option.replace("{}", str(tmp_path)) for option in options]) == 2

@@ -19,7 +19,7 @@ from star_basics.check_problems import problem_of
 from star_core import Registry
 from star_core.commands import run_command
 from star_core.commands.main import main
-from tests.commands import Said, problem_lines
+from tests.commands import Printed, problem_lines
 from tests.conftest import HOP, ROOM, ROOT
 from tests.plugins.formats.star_yaml.test_file_kinds import Gripper
 from tests.plugins.formats.test_formats import Memo
@@ -48,7 +48,7 @@ def typed(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], None]:
     return put
 
 
-def test_several_files_are_checked_and_counted(capsys: Said) -> None:
+def test_several_files_are_checked_and_counted(capsys: Printed) -> None:
     assert main(["check", "room.yaml", "wrong.yaml", "hop.yaml"]) == 2
     assert capsys.readouterr() == (
         "room.yaml: 'room', a world that can be flown in\n"
@@ -60,7 +60,7 @@ def test_several_files_are_checked_and_counted(capsys: Said) -> None:
     )
 
 
-def test_a_folder_is_searched_for_files_of_star(capsys: Said) -> None:
+def test_a_folder_is_searched_for_files_of_star(capsys: Printed) -> None:
     for name, text in {
         "site/mkdocs.yml": "site_name: x\n",
         "site/.github/flow.yaml": HOP,
@@ -80,7 +80,7 @@ def test_a_folder_is_searched_for_files_of_star(capsys: Said) -> None:
     assert [*files] == ["deep/no_version.yaml", "deep/torn.yaml", "in_air.yaml", "wrong.yaml"]
 
 
-def test_a_folder_of_another_format_is_checked_as_one(capsys: Said) -> None:
+def test_a_folder_of_another_format_is_checked_as_one(capsys: Printed) -> None:
     Path("old").mkdir()
     Path("old/robots.yaml").write_text("fileversion: 3\nrobot_types: {}\nrobots: {}\n")
     Path("old/room.yaml").write_text(ROOM)
@@ -92,7 +92,7 @@ def test_a_folder_of_another_format_is_checked_as_one(capsys: Said) -> None:
     ]
 
 
-def test_a_folder_without_files_of_star_is_refused(capsys: Said) -> None:
+def test_a_folder_without_files_of_star_is_refused(capsys: Printed) -> None:
     Path("site").mkdir()
     Path("site/mkdocs.yml").write_text("site_name: x\n")
     assert main(["check", "site"]) == 2
@@ -100,14 +100,14 @@ def test_a_folder_without_files_of_star_is_refused(capsys: Said) -> None:
     assert main(["check", "site", "site/mkdocs.yml", "--skip-others"]) == 0
 
 
-def test_the_seed_of_missions_leaves_other_files_as_they_are(capsys: Said) -> None:
+def test_the_seed_of_missions_leaves_other_files_as_they_are(capsys: Printed) -> None:
     Path("good.yaml").write_text(HOP)
     assert main(["check", "good.yaml", "room.yaml", "--seed", "3"]) == 0
     assert main(["check", "room.yaml", "--set", "fense=3"]) == 2
     assert capsys.readouterr().err.splitlines()[-2].endswith("[unknown-option]")
 
 
-def test_problems_at_one_position_have_one_excerpt(capsys: Said) -> None:
+def test_problems_at_one_position_have_one_excerpt(capsys: Printed) -> None:
     Path("bare.yaml").write_text("star: 1\nname: bare\nmission: [takeoff: {}]\nworld: room.yaml\n")
     assert main(["check", "bare.yaml"]) == 2
     lines = capsys.readouterr().err.splitlines()
@@ -116,13 +116,13 @@ def test_problems_at_one_position_have_one_excerpt(capsys: Said) -> None:
     assert lines.count(" 1 | star: 1") == 1
 
 
-def test_an_empty_name_is_not_the_current_folder(capsys: Said) -> None:
+def test_an_empty_name_is_not_the_current_folder(capsys: Printed) -> None:
     Path("good.yaml").write_text(HOP)
     assert main(["check", ""]) == 2
     assert capsys.readouterr().err.strip().endswith("[invalid-argument]")
 
 
-def test_kinds_and_formats_of_plugins_are_checked_in_folders(capsys: Said) -> None:
+def test_kinds_and_formats_of_plugins_are_checked_in_folders(capsys: Printed) -> None:
     Path("hands").mkdir()
     Path("hands/one.yaml").write_text("star: 1\nfingers: 9\n")
     Path("hands/two.memo").write_text("first_flight often\n")
@@ -133,7 +133,7 @@ def test_kinds_and_formats_of_plugins_are_checked_in_folders(capsys: Said) -> No
     ]
 
 
-def test_standard_input_is_checked(capsys: Said, typed: Callable[[str], None]) -> None:
+def test_standard_input_is_checked(capsys: Printed, typed: Callable[[str], None]) -> None:
     typed(HOP)
     assert main(["check", "-"]) == 0
     assert capsys.readouterr() == ("-: 'hop' can be flown, with 2 agents\n", "")
@@ -154,13 +154,13 @@ def test_standard_input_is_checked(capsys: Said, typed: Callable[[str], None]) -
     ],
 )
 def test_warnings_fail_a_strict_check(
-    files: list[str], strict: tuple[str, ...], status: int, capsys: Said
+    files: list[str], strict: tuple[str, ...], status: int, capsys: Printed
 ) -> None:
     assert main(["check", *files, *strict]) == status
     assert ("Found 1 error and 1 warning in 2 files, 2" in capsys.readouterr().err) is (status == 2)
 
 
-def test_json_has_every_file_and_problem(capsys: Said) -> None:
+def test_json_has_every_file_and_problem(capsys: Printed) -> None:
     assert main(["check", "--json", "wrong.yaml", "in_air.yaml", "absent.yaml"]) == 2
     out, err = capsys.readouterr()
     assert err == ""
@@ -186,7 +186,7 @@ def test_json_has_every_file_and_problem(capsys: Said) -> None:
     assert absent["problems"][0]["message"] == "no such file"
 
 
-def test_annotations_of_github_escape_what_they_separate(capsys: Said) -> None:
+def test_annotations_of_github_escape_what_they_separate(capsys: Printed) -> None:
     Path("a,b.yaml").write_text(HOP.replace("avoider: orca", "avoider: '10%'"))
     assert main(["check", "--format", "github", "a,b.yaml", "in_air.yaml"]) == 2
     out, err = capsys.readouterr()
@@ -201,7 +201,7 @@ def test_annotations_of_github_escape_what_they_separate(capsys: Said) -> None:
 
 
 def test_a_terminal_has_colours_unless_refused(
-    capsys: Said, monkeypatch: pytest.MonkeyPatch
+    capsys: Printed, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(check_output, "on_terminal", lambda: True)
     monkeypatch.delenv("NO_COLOR", raising=False)
@@ -236,7 +236,7 @@ def test_carets_are_below_the_word(column: int, line: str, source: str, carets: 
         assert (shown, below) == (f" 1 | {source}", f"   | {carets}")
 
 
-def test_problems_of_included_steps_point_into_them(capsys: Said) -> None:
+def test_problems_of_included_steps_point_into_them(capsys: Printed) -> None:
     Path("nod.yaml").write_text("star: 1\nparameters: {t: null}\nmission: [hold: {for: $t}]\n")
     include = "  - include: {file: nod.yaml, with: {t: -1}}\n  - land"
     Path("m.yaml").write_text(HOP.replace("  - land", include, 1))
@@ -246,7 +246,7 @@ def test_problems_of_included_steps_point_into_them(capsys: Said) -> None:
     assert "-1 is less than the minimum" in problem["message"]
 
 
-def test_the_hook_of_pre_commit_checks_files_of_star(capsys: Said) -> None:
+def test_the_hook_of_pre_commit_checks_files_of_star(capsys: Printed) -> None:
     hooks: Any = YAML(typ="safe", pure=True).load((ROOT / ".pre-commit-hooks.yaml").read_text())
     page = (ROOT / "docs" / "check.md").read_text()
     assert re.findall(r"^ +- id: (.+)$", page, re.MULTILINE) == [hook["id"] for hook in hooks]

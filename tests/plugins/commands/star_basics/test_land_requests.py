@@ -20,7 +20,7 @@ from star_basics import land_requests, stop_flights
 from star_basics.land_requests import listening
 from star_core import Operator
 from star_core.commands.main import main
-from tests.commands import Said
+from tests.commands import Printed
 
 KEYS = """
 import os, sys, time
@@ -49,7 +49,7 @@ def runtime(monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 PROCESS = 2**31 - 1  # of no process
 
 
-def test_star_stop_lands_every_running_flight(runtime: Path, capsys: Said) -> None:
+def test_star_stop_lands_every_running_flight(runtime: Path, capsys: Printed) -> None:
     operator = Operator()
     with listening(operator, "demo"):
         assert runtime.stat().st_mode & 0o777 == 0o700
@@ -67,7 +67,7 @@ def test_star_stop_again_does_not_stop_the_motors() -> None:
     assert operator.stops == 1
 
 
-def test_without_a_flight_star_stop_fails(runtime: Path, capsys: Said) -> None:
+def test_without_a_flight_star_stop_fails(runtime: Path, capsys: Printed) -> None:
     runtime.mkdir(mode=0o700)
     with socket.socket(socket.AF_UNIX) as killed:  # left behind by a flight that was killed
         killed.bind(str(runtime / f"{PROCESS}.sock"))
@@ -76,7 +76,7 @@ def test_without_a_flight_star_stop_fails(runtime: Path, capsys: Said) -> None:
     assert list(runtime.iterdir()) == []
 
 
-def test_a_flight_that_hangs_is_named(runtime: Path, capsys: Said) -> None:
+def test_a_flight_that_hangs_is_named(runtime: Path, capsys: Printed) -> None:
     runtime.mkdir(mode=0o700)
     with socket.socket(socket.AF_UNIX) as hangs:
         hangs.bind(str(runtime / "1234.sock"))
@@ -86,7 +86,7 @@ def test_a_flight_that_hangs_is_named(runtime: Path, capsys: Said) -> None:
     assert capsys.readouterr().err == text
 
 
-def test_star_stop_lands_the_rest_beside_odd_sockets(runtime: Path, capsys: Said) -> None:
+def test_star_stop_lands_the_rest_beside_odd_sockets(runtime: Path, capsys: Printed) -> None:
     runtime.mkdir(mode=0o700)
     (runtime / "1.sock").write_text("a file")
     (runtime / "2.sock").mkdir()
@@ -127,7 +127,7 @@ def _answering(path: Path, answer: bytes) -> Iterator[None]:
 
 
 def test_star_stop_finds_flights_in_other_runtime_folders(
-    runtime: Path, monkeypatch: pytest.MonkeyPatch, capsys: Said
+    runtime: Path, monkeypatch: pytest.MonkeyPatch, capsys: Printed
 ) -> None:
     operator = Operator()
     with TemporaryDirectory() as other, listening(operator, "demo"):
@@ -150,7 +150,7 @@ def test_flights_are_found_by_their_sockets(runtime: Path, monkeypatch: pytest.M
 
 
 def test_a_missing_runtime_folder_is_replaced(
-    monkeypatch: pytest.MonkeyPatch, capsys: Said
+    monkeypatch: pytest.MonkeyPatch, capsys: Printed
 ) -> None:
     monkeypatch.setenv("XDG_RUNTIME_DIR", "/no/such/folder")
     assert main(["stop"]) == 1
@@ -161,7 +161,7 @@ def test_a_missing_runtime_folder_is_replaced(
     assert operator.stops == 1
 
 
-def test_star_stop_lists_and_lands_by_name(capsys: Said) -> None:
+def test_star_stop_lists_and_lands_by_name(capsys: Printed) -> None:
     operator = Operator()
     with listening(operator, "demo"):
         assert main(["stop", "--list"]) == 0

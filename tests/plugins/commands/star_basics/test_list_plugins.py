@@ -24,7 +24,7 @@ from star_core.discovery import Source
 from star_core.plugin_support.registry import Registry
 from star_yaml.editor_schema import for_editors
 from star_yaml.schema import compose, compose_steps, load
-from tests.commands import Said
+from tests.commands import Printed
 
 
 class Shelf:
@@ -79,7 +79,7 @@ def with_options(properties: Mapping[str, Any], **rules: Any) -> list[str]:
 
 
 @pytest.fixture
-def said(capsys: Said, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Said:
+def printed(capsys: Printed, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Printed:
     """What a command prints that is given in an empty folder."""
     monkeypatch.chdir(tmp_path)
     return capsys
@@ -210,15 +210,15 @@ def test_observers_are_the_plugins_that_observe_flights() -> None:
     assert (kind, found.offer.summary) == ("observer", "Counts nothing.")
 
 
-def test_an_unknown_name_is_refused_with_the_nearest_one(said: Said) -> None:
+def test_an_unknown_name_is_refused_with_the_nearest_one(printed: Printed) -> None:
     assert main(["plugins", "orka"]) == 2
-    err = said.readouterr().err
+    err = printed.readouterr().err
     assert err == "no plugin named 'orka'; did you mean 'orca'? [unknown-plugin]\n"
 
 
-def test_a_plugin_is_described_with_an_example(said: Said) -> None:
+def test_a_plugin_is_described_with_an_example(printed: Printed) -> None:
     assert main(["plugins", "orca"]) == 0
-    lines = said.readouterr().out.splitlines()
+    lines = printed.readouterr().out.splitlines()
     assert lines[0].startswith("orca: avoider of star-swarm ")
     assert lines[-1] == "  Example: avoider: {use: orca, radius: 0.2}"
     assert "    radius: number > 0; default 0.2" in lines
@@ -255,9 +255,9 @@ def test_the_json_holds_options_that_are_mappings_of_any_kind() -> None:
 # What is installed
 
 
-def test_built_in_plugins_are_listed_in_order_of_kind(said: Said) -> None:
+def test_built_in_plugins_are_listed_in_order_of_kind(printed: Printed) -> None:
     assert main(["plugins", "--json"]) == 0
-    plugins = json.loads(said.readouterr().out)["plugins"]
+    plugins = json.loads(printed.readouterr().out)["plugins"]
     found = [(plugin["kind"], plugin["name"]) for plugin in plugins]
     kinds = (*Registry().kinds, "observer")
     assert found == sorted(found, key=lambda one: (kinds.index(one[0]), one[1]))
@@ -281,7 +281,7 @@ def test_every_option_of_a_built_in_plugin_has_a_description() -> None:
 # star plugins, star schema
 
 
-def test_schemas_for_editors_are_printed(said: Said) -> None:
+def test_schemas_for_editors_are_printed(printed: Printed) -> None:
     offers = Registry().offers()
     steps = for_editors(compose_steps(offers), parameters=True)
     for name, schema in {
@@ -290,24 +290,24 @@ def test_schemas_for_editors_are_printed(said: Said) -> None:
         "world": for_editors(load("world")),
     }.items():
         assert main(["schema", name]) == 0
-        assert json.loads(said.readouterr().out) == schema
+        assert json.loads(printed.readouterr().out) == schema
     verbs = compose(offers)["$defs"]["step"]["properties"]
     assert list(steps["$defs"]["step"]["properties"]) == list(verbs)
     assert "takeoff" in verbs
     assert steps["$defs"]["timeout"]["type"] == ["number", "string"]
 
 
-def test_a_schema_is_written_to_a_file_in_place_of_being_printed(said: Said) -> None:
+def test_a_schema_is_written_to_a_file_in_place_of_being_printed(printed: Printed) -> None:
     assert main(["schema", "--out", "mission.schema.json"]) == 0
-    assert said.readouterr().out == ""
+    assert printed.readouterr().out == ""
     written = json.loads(Path("mission.schema.json").read_text())
     assert written == for_editors(compose(Registry().offers()), parameters=True)
 
 
-def test_a_schema_that_cannot_be_written_reports_why(said: Said) -> None:
+def test_a_schema_that_cannot_be_written_reports_why(printed: Printed) -> None:
     assert main(["schema", "--out", "nowhere/x.json"]) == 2
     assert main(["schema", "--out", "."]) == 2
-    assert said.readouterr() == (
+    assert printed.readouterr() == (
         "",
         "nowhere/x.json: cannot be written: No such file or directory [unwritable-file]\n"
         ".: cannot be written: Is a directory [unwritable-file]\n",
@@ -315,7 +315,7 @@ def test_a_schema_that_cannot_be_written_reports_why(said: Said) -> None:
 
 
 def test_left_out_plugins_are_reported_on_stderr_too(
-    said: Said, monkeypatch: pytest.MonkeyPatch
+    printed: Printed, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     class Broken:
         name, dist = "broken", None
@@ -330,7 +330,7 @@ def test_left_out_plugins_are_reported_on_stderr_too(
     found = "star_core.discovery.entry_points"
     monkeypatch.setattr(found, lambda **_: [*own, Broken()])
     assert main(["plugins"]) == 0
-    out, err = said.readouterr()
+    out, err = printed.readouterr()
     assert err == "star: plugin broken is left out: ImportError: no torch\n"
     assert out.endswith("left out: broken: ImportError: no torch\n")
 
@@ -357,11 +357,11 @@ class Greeter:
         return [CommandSpec(name="greet", summary="Greets.", configure=configure, run=greet)]
 
 
-def test_every_command_has_help(said: Said) -> None:
+def test_every_command_has_help(printed: Printed) -> None:
     for name in Registry().names("command"):
         with pytest.raises(SystemExit, match="0"):
             main([name, "--help"])
-        assert said.readouterr().out.startswith(f"usage: star {name} ")
+        assert printed.readouterr().out.startswith(f"usage: star {name} ")
 
 
 def test_plugin_commands_receive_options_and_return_the_status(
@@ -383,11 +383,11 @@ def test_plugin_commands_receive_options_and_return_the_status(
     ],
 )
 def test_what_a_command_refuses_or_raises_exits_with_2(
-    said: Said, with_plugin: Callable[[object], None], arguments: list[str], why: str
+    printed: Printed, with_plugin: Callable[[object], None], arguments: list[str], why: str
 ) -> None:
     with_plugin(Greeter())
     assert main(arguments) == 2
-    assert said.readouterr().err.startswith(why)
+    assert printed.readouterr().err.startswith(why)
 
 
 # Readers that go away

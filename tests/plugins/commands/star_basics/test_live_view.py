@@ -39,7 +39,7 @@ from star_core.runner import fly
 from star_core.testing import estimate, health, scene
 from star_core.toolkit.progress import REFRESH_PERIOD
 from star_yaml.mission_loader import load
-from tests.commands import Said
+from tests.commands import Printed
 from tests.core.conftest import a_pipe
 
 HIDE_CURSOR, SHOW_CURSOR = "\x1b[?25l", "\x1b[?25h"
@@ -202,14 +202,14 @@ def test_a_flight_that_is_cut_short_gives_the_cursor_back(monkeypatch: pytest.Mo
 # From the command line
 
 
-def test_progress_goes_to_standard_error(capsys: Said) -> None:
+def test_progress_goes_to_standard_error(capsys: Printed) -> None:
     assert main(["run", "hop.yaml", "--out", "out"]) == 0
     out, err = capsys.readouterr()
     assert events_in(err) == lines(json.loads(Path("out/summary.json").read_text()))
     assert "takeoff" not in out
 
 
-def test_json_is_shown_no_progress(capsys: Said) -> None:
+def test_json_is_shown_no_progress(capsys: Printed) -> None:
     assert main(["run", "hop.yaml", "--no-record", "--json"]) == 0
     assert events_in(capsys.readouterr().err) == []
 
@@ -324,7 +324,7 @@ def test_plugins_are_not_blamed_unless_slower_than_real_time(changes: Mapping[st
     assert "slowest plugin" not in format_summary(summary(**changes), None)
 
 
-def test_a_dropped_observer_is_reported_once(capsys: Said) -> None:
+def test_a_dropped_observer_is_reported_once(capsys: Printed) -> None:
     progress = FlightProgress(lambda: None)
     progress.star_event(Event(0.0, "observer", "watch is dropped"))  # its log has a warning of that
     progress.star_event(Event(0.0, "step", "takeoff begins"))

@@ -11,7 +11,7 @@ from star_basics.latest_run import LatestRun
 from star_core.commands.main import main
 from star_core.messages.events import Flight
 from star_core.testing import scene
-from tests.commands import Said
+from tests.commands import Printed
 
 
 @pytest.mark.usefixtures("hop")
@@ -50,7 +50,9 @@ def test_a_file_system_without_links_is_no_obstacle(
 
 @pytest.mark.usefixtures("hop")
 @pytest.mark.parametrize("command", [["view"], ["report"], ["export", "--format", "csv"]])
-def test_a_run_that_was_not_started_has_no_flight_to_show(command: list[str], capsys: Said) -> None:
+def test_a_run_that_was_not_started_has_no_flight_to_show(
+    command: list[str], capsys: Printed
+) -> None:
     low = ["--set", "transport={use: sim, battery: 0.02}", "--set", "safety={battery_low: {}}"]
     assert main(["run", "hop.yaml", "--out", "low", *low]) == 1
     capsys.readouterr()
@@ -67,7 +69,7 @@ RADIO = ["transport=radio", *(f"swarm.cf{k}.uri=udp://127.0.0.1:{k}" for k in (1
     ("changes", "status", "kind"), [([], 1, "warning: "), (RADIO, 2, "")], ids=["sim", "radio"]
 )
 def test_what_a_rehearsal_refuses_is_reported_before_a_run(
-    changes: list[str], status: int, kind: str, capsys: Said
+    changes: list[str], status: int, kind: str, capsys: Printed
 ) -> None:
     changes = [text for value in changes for text in ("--set", value)]
     arguments = ["--set", "mission.0.takeoff.timeout=0.2", *changes]

@@ -12,7 +12,7 @@ from star_basics import land_requests
 from star_basics.land_requests import MAX_MESSAGE, listening
 from star_core import Operator
 from star_core.commands.main import main
-from tests.commands import Said
+from tests.commands import Printed
 from tests.plugins.commands.star_basics.test_land_requests import runtime
 
 __all__ = ["runtime"]
@@ -20,7 +20,7 @@ HOSTILE = (b"", b"\xff\xfe", b"LAND", b"land\n", b"landx", b"x" * 10 * MAX_MESSA
 
 
 def test_hostile_requests_land_no_flight(
-    runtime: Path, monkeypatch: pytest.MonkeyPatch, capsys: Said
+    runtime: Path, monkeypatch: pytest.MonkeyPatch, capsys: Printed
 ) -> None:
     monkeypatch.setattr(land_requests, "ANSWER_TIMEOUT", 0.05)
     operator = Operator()
@@ -46,7 +46,7 @@ def test_hostile_requests_land_no_flight(
     assert f"demo (process {os.getpid()})" in capsys.readouterr().out
 
 
-def test_links_are_no_sockets_of_flights(runtime: Path, capsys: Said) -> None:
+def test_links_are_no_sockets_of_flights(runtime: Path, capsys: Printed) -> None:
     operator = Operator()
     with listening(operator, "demo"):
         (path,) = runtime.iterdir()

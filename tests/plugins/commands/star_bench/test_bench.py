@@ -19,7 +19,7 @@ from star_core import AvoiderSpec, InputError, Registry, hookimpl, load
 from star_core.commands import run_command
 from star_core.commands.main import main as star
 from star_core.toolkit import StudyResults
-from tests.commands import Said, command
+from tests.commands import Printed, command
 
 main = command("bench")
 
@@ -34,7 +34,7 @@ def refused(*arguments: str) -> str:
 
 
 @pytest.mark.usefixtures("in_process")
-def test_a_campaign_is_flown_and_goes_on_where_it_stopped(tmp_path: Path, capsys: Said) -> None:
+def test_a_campaign_is_flown_and_goes_on_where_it_stopped(tmp_path: Path, capsys: Printed) -> None:
     out = tmp_path / "out"
     arguments = [*QUICK, "--positions", "exact", "--out", str(out)]
     assert main([*arguments, "--avoiders", "none"]) == 0
@@ -75,7 +75,7 @@ def test_worlds_and_positions_are_flown_and_tabulated(tmp_path: Path) -> None:
     assert '"std": 0.03' in study.read_text()
 
 
-def test_with_write_only_nothing_flies(tmp_path: Path, capsys: Said) -> None:
+def test_with_write_only_nothing_flies(tmp_path: Path, capsys: Printed) -> None:
     out = tmp_path / "out"
     scenarios = ("--scenarios", "circle", "corridor=width:2.5")
     assert (

@@ -14,7 +14,7 @@ import pytest
 from star_bench.files import mission_lines, text, world_lines
 from star_bench.scenarios import CATALOGUE, Case
 from star_core.commands.main import main
-from tests.commands import Said
+from tests.commands import Printed
 
 AGENTS = 6
 
@@ -35,7 +35,7 @@ def test_there_is_an_example_of_every_scenario_and_no_other_file(missions: Path)
 
 @pytest.mark.parametrize("name", CATALOGUE)
 def test_every_example_checks_and_flies_without_collision(
-    name: str, missions: Path, capsys: Said
+    name: str, missions: Path, capsys: Printed
 ) -> None:
     mission = str(missions / "scenarios" / f"{name}-{AGENTS}-0.yaml")
     assert main(["check", mission]) == 0

@@ -17,7 +17,7 @@ from star_calibrate.command import as_lines, as_text
 from star_calibrate.lens import Lens, deviations, solve
 from star_core import Camera, InputError, Registry, fly, load
 from star_core.commands import main as cli
-from tests.commands import Said, command
+from tests.commands import Printed, command
 
 main = command("calibrate")
 
@@ -141,7 +141,7 @@ def test_calibrated_lenses_fly_in_missions_that_name_the_file(
     missions: Path,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
-    capsys: Said,
+    capsys: Printed,
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert main(["camera", *shots, "-o", "cameras/deck.yaml"]) == 0
@@ -228,7 +228,7 @@ def test_the_lines_for_a_mission_name_the_file_from_its_folder(
 
 
 def test_the_report_names_every_picture_and_its_error(
-    shots: list[str], lens: Lens, tmp_path: Path, capsys: Said
+    shots: list[str], lens: Lens, tmp_path: Path, capsys: Printed
 ) -> None:
     empty = blank(tmp_path / "empty.png")
     main(["camera", *shots, empty, "--out", str(tmp_path / "camera.yaml")])
@@ -239,7 +239,7 @@ def test_the_report_names_every_picture_and_its_error(
     assert f"RMS {lens.error:.3f} px over {len(lens.used)} images\n" in out
 
 
-def test_without_a_file_the_camera_alone_is_printed(shots: list[str], capsys: Said) -> None:
+def test_without_a_file_the_camera_alone_is_printed(shots: list[str], capsys: Printed) -> None:
     assert main(["camera", *shots]) == 0
     printed = capsys.readouterr()
     assert YAML(typ="safe").load(printed.out)["name"] == "calibrated"

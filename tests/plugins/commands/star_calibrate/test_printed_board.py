@@ -12,7 +12,7 @@ from star_calibrate.board import Board
 from star_calibrate.printed_board import board_page
 from star_core import InputError
 from star_core.toolkit import PAPERS, Fill
-from tests.commands import Said, command
+from tests.commands import Printed, command
 
 main = command("calibrate")
 FINE = 4  # pixels per millimetre
@@ -42,7 +42,7 @@ def test_a_board_larger_than_the_paper_is_an_error() -> None:
         board_page(Board(9, 6, 0.03), "a4")
 
 
-def test_the_command_writes_a_board(tmp_path: Path, capsys: Said) -> None:
+def test_the_command_writes_a_board(tmp_path: Path, capsys: Printed) -> None:
     out = tmp_path / "board.pdf"
     assert main(["board", "--out", str(out)]) == 0
     assert out.read_bytes().startswith(b"%PDF")

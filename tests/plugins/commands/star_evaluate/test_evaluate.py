@@ -21,7 +21,7 @@ from star_core.testing import scene
 from star_core.toolkit import PlannedPaths
 from star_evaluate.evaluation import Alignment, evaluate, recorded_truth
 from star_evaluate.truth_files import read_truth
-from tests.commands import Said, command
+from tests.commands import Printed, command
 
 star_evaluate = command("evaluate")
 
@@ -235,14 +235,14 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "run"
 
 
-def evaluated(capsys: Said, *arguments: str) -> Mapping[str, float]:
+def evaluated(capsys: Printed, *arguments: str) -> Mapping[str, float]:
     assert star_evaluate([*arguments, "--json"]) == 0
     figures: Mapping[str, float] = json.loads(capsys.readouterr().out)["all"]
     return figures
 
 
 def test_the_record_and_its_export_have_the_error_of_the_summary(
-    recorded: Path, capsys: Said
+    recorded: Path, capsys: Printed
 ) -> None:
     summary = json.loads((recorded / "summary.json").read_text())
     assert command("export")([str(recorded), "--format", "tum"]) == 0
@@ -254,7 +254,7 @@ def test_the_record_and_its_export_have_the_error_of_the_summary(
         assert figures["nees"] == pytest.approx(summary["position_nees"], rel=0.05)
 
 
-def test_offset_and_alignment_are_stated(recorded: Path, capsys: Said) -> None:
+def test_offset_and_alignment_are_stated(recorded: Path, capsys: Printed) -> None:
     assert star_evaluate([str(recorded), "--offset", "auto", "--align", "yaw"]) == 0
     out = capsys.readouterr().out
     assert re.search(r"time offset  -?0\.00\d\d s, found by the speeds", out)

@@ -19,7 +19,7 @@ from star_explain.origins import Origins
 from star_explain.plan import plan
 from star_explain.results import Group, StepResult, results
 from star_explain.variants import MAX_REACTIONS
-from tests.commands import Said, command
+from tests.commands import Printed, command
 
 main = command("explain")
 
@@ -54,7 +54,7 @@ def write(tmp_path: Path) -> Write:
 
 
 @pytest.fixture
-def explain(write: Write, capsys: Said) -> Explain:
+def explain(write: Write, capsys: Printed) -> Explain:
     """What is printed of a mission of these steps."""
 
     def explained(steps: str, *arguments: str, beside: str = "", world: str = WORLD) -> str:
@@ -398,7 +398,7 @@ def test_json_has_the_same(explain: Explain) -> None:
     assert data["plan"]["timeout_s"] == pytest.approx(13 + 17)
 
 
-def test_it_is_a_command_of_star_that_refuses_bad_input(write: Write, capsys: Said) -> None:
+def test_it_is_a_command_of_star_that_refuses_bad_input(write: Write, capsys: Printed) -> None:
     assert star(["explain", str(write("  - land: {}\n"))]) == 0
     assert star(["explain", str(write("  - fly: {}\n"))]) == 2
     assert "hop.yaml:11:5: " in capsys.readouterr().err
@@ -438,7 +438,9 @@ def test_verbs_that_raise_are_reported_closed_and_skipped(write: Write) -> None:
 
 
 @pytest.mark.parametrize("name", ["first_flight", "around", "three_eyes"])
-def test_missions_that_are_shipped_are_explained_without_a_fault(capsys: Said, name: str) -> None:
+def test_missions_that_are_shipped_are_explained_without_a_fault(
+    capsys: Printed, name: str
+) -> None:
     assert main([str(MISSIONS / f"{name}.yaml")]) == 0
     text = capsys.readouterr().out
     assert "plan: about" in text

@@ -17,11 +17,11 @@ import pytest
 from star_core import Run
 from star_core.commands.main import main
 from star_core.toolkit import Progress
-from tests.commands import Said
+from tests.commands import Printed
 
 
 def test_evo_computes_the_position_error_of_the_summary(
-    run: Run, tmp_path: Path, capsys: Said
+    run: Run, tmp_path: Path, capsys: Printed
 ) -> None:
     """evo is GPL-3: it is called as a program, and not imported."""
     assert main(["export", str(run.folder), "--format", "tum", "-o", str(tmp_path)]) == 0
@@ -68,14 +68,16 @@ def test_a_flight_without_ground_truth_has_estimates_only(run: Run, tmp_path: Pa
     assert len(list((tmp_path / "tum").iterdir())) == 2
 
 
-def test_a_folder_that_cannot_be_made_is_reported(run: Run, tmp_path: Path, capsys: Said) -> None:
+def test_a_folder_that_cannot_be_made_is_reported(
+    run: Run, tmp_path: Path, capsys: Printed
+) -> None:
     (tmp_path / "file").touch()
     assert main(["export", str(run.folder), "--format", "tum", "-o", str(tmp_path / "file")]) == 2
     assert "[unwritable-file]" in capsys.readouterr().err
 
 
 def test_an_export_that_takes_long_shows_its_progress(
-    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Said
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Printed
 ) -> None:
     monkeypatch.setattr("star_export.command.Progress", partial(Progress, announced=True))
     command = ["export", str(run.folder), "--format", "tum", "-o", str(tmp_path)]

@@ -14,7 +14,7 @@ import pytest
 from star_core import Registry, fly, load
 from star_core.commands.main import main
 from star_new.command import KINDS
-from tests.commands import Said
+from tests.commands import Printed
 
 
 @pytest.fixture(autouse=True)
@@ -22,14 +22,14 @@ def _in_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
 
 
-def test_a_new_mission_is_checked_and_flies(capsys: Said) -> None:
+def test_a_new_mission_is_checked_and_flies(capsys: Printed) -> None:
     assert main(["new", "mission", "patrol"]) == 0
     assert capsys.readouterr().out == "patrol.yaml\npatrol_world.yaml\nnext: star run patrol.yaml\n"
     assert main(["check", "patrol.yaml"]) == 0
     assert main(["run", "patrol.yaml", "--no-record"]) == 0
 
 
-def test_a_new_study_is_checked_with_its_mission(capsys: Said) -> None:
+def test_a_new_study_is_checked_with_its_mission(capsys: Printed) -> None:
     assert main(["new", "study", "radii"]) == 0
     assert main(["check", "--strict", "."]) == 0
     assert "radii.yaml: 'radii', a study of 15 runs\n" in capsys.readouterr().out
@@ -70,7 +70,7 @@ def test_a_new_observer_sees_a_flight_that_is_not_recorded(monkeypatch: pytest.M
     assert [event["text"] for event in summary["events"] if event["kind"] == "observer"] == []
 
 
-def test_a_verb_may_be_called_a_task(capsys: Said) -> None:
+def test_a_verb_may_be_called_a_task(capsys: Printed) -> None:
     assert main(["new", "plugin", "nod", "--kind", "task"]) == 0
     assert "star-nod/star_nod/verb.py" in capsys.readouterr().out
 
@@ -88,7 +88,7 @@ def _install(folder: Path) -> None:
     (info / "entry_points.txt").write_text("\n".join(lines) + "\n")
 
 
-def test_nothing_is_written_over(tmp_path: Path, capsys: Said) -> None:
+def test_nothing_is_written_over(tmp_path: Path, capsys: Printed) -> None:
     (tmp_path / "lab_world.yaml").write_text("mine")
     assert main(["new", "mission", "lab"]) == 2
     assert "lab_world.yaml: exists already" in capsys.readouterr().err
@@ -96,12 +96,14 @@ def test_nothing_is_written_over(tmp_path: Path, capsys: Said) -> None:
 
 
 @pytest.mark.parametrize("name", ["Lab", "1st", "a b", "../up", "a--b", ""])
-def test_names_that_nothing_can_have_are_refused(name: str, tmp_path: Path, capsys: Said) -> None:
+def test_names_that_nothing_can_have_are_refused(
+    name: str, tmp_path: Path, capsys: Printed
+) -> None:
     assert main(["new", "world", name]) == 2
     assert "[invalid-name]" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
 
 
-def test_a_plugin_needs_a_kind(capsys: Said) -> None:
+def test_a_plugin_needs_a_kind(capsys: Printed) -> None:
     assert main(["new", "plugin", "mine"]) == 2
     assert "[missing-option]" in capsys.readouterr().err

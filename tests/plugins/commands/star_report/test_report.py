@@ -21,12 +21,12 @@ from star_report.charts import series, tick_times
 from star_report.page import page
 from star_report.series import clearance, errors, separation
 from star_report.views import replay, top_view
-from tests.commands import Said
+from tests.commands import Printed
 from tests.plugins.commands.star_view.chromium import CHROMIUM, Chromium
 
 
 def test_the_page_needs_no_network_and_shows_all_sections(
-    run: Run, tmp_path: Path, capsys: Said
+    run: Run, tmp_path: Path, capsys: Printed
 ) -> None:
     out = tmp_path / "page.html"
     assert main(["report", str(run.folder), "-o", str(out)]) == 0
@@ -197,7 +197,7 @@ def test_the_longest_ticks_are_shown_however_long_the_flight(run: Run) -> None:
     assert list(tick_times(replace(run, timing={}))) == []
 
 
-def test_a_flight_reports_on_request(run: Run, tmp_path: Path, capsys: Said) -> None:
+def test_a_flight_reports_on_request(run: Run, tmp_path: Path, capsys: Printed) -> None:
     mission = str(run.folder.parent / "swap.yaml")
     out = tmp_path / "out"
     assert main(["run", mission, "--out", str(out), "--report"]) == 0
@@ -208,7 +208,7 @@ def test_a_flight_reports_on_request(run: Run, tmp_path: Path, capsys: Said) -> 
 
 
 def test_reports_without_plotly_name_the_package_before_flight(
-    run: Run, monkeypatch: pytest.MonkeyPatch, capsys: Said
+    run: Run, monkeypatch: pytest.MonkeyPatch, capsys: Printed
 ) -> None:
     monkeypatch.setattr("star_report.command.find_spec", lambda _name: None)
     mission = str(run.folder.parent / "swap.yaml")
@@ -247,7 +247,7 @@ def test_reports_are_written_by_a_hook(plugins: tuple[object, ...], line: str) -
 
 @pytest.mark.parametrize("missing", ["manifest.json", "summary.json", "trajectory.npz"])
 def test_an_incomplete_record_is_refused(
-    missing: str, run: Run, tmp_path: Path, capsys: Said
+    missing: str, run: Run, tmp_path: Path, capsys: Printed
 ) -> None:
     for file in run.folder.iterdir():
         if file.name != missing:

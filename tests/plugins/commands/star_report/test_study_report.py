@@ -18,7 +18,7 @@ from star_report.comparison import Result, differences, interactions, marginal_m
 from star_report.drawing import ticks
 from star_report.study import FILE, OUTCOME, Study, read
 from star_report.tables import Strong, latex, markdown
-from tests.commands import Said
+from tests.commands import Printed
 from tests.plugins.commands.star_view.chromium import CHROMIUM, Chromium
 
 SEEDS = 6
@@ -292,7 +292,7 @@ def test_a_study_without_a_run_has_a_report(tmp_path: Path) -> None:
     assert "0 runs, 0 conditions." in (tmp_path / "report.html").read_text()
 
 
-def test_another_table_is_refused(tmp_path: Path, capsys: Said) -> None:
+def test_another_table_is_refused(tmp_path: Path, capsys: Printed) -> None:
     (tmp_path / FILE).write_text("a,b\n1,2\n")
     assert main(["report", str(tmp_path)]) == 2
     assert "[no-record]" in capsys.readouterr().err

@@ -18,7 +18,7 @@ from star_core import InputError, Operator, Registry, hookimpl, load, read_run
 from star_core.testing import scene
 from star_script.run_script import run_script
 from star_verbs.follow.files import PIECE_COLUMNS
-from tests.commands import Said, command
+from tests.commands import Printed, command
 from tests.core.conftest import Lab
 from tests.simulators import ideal_fleet
 
@@ -50,7 +50,7 @@ Fly = Callable[..., tuple[int, dict[str, Any]]]
 
 
 @pytest.fixture
-def fly(tmp_path: Path, capsys: Said) -> Fly:
+def fly(tmp_path: Path, capsys: Printed) -> Fly:
     """Run a script; return the exit status and the summary."""
     (tmp_path / "crazyflies.yaml").write_text(ROBOTS)
 

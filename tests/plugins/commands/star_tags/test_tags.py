@@ -17,7 +17,7 @@ from star_tags.plan import plan_pages
 from star_tags.sheet import BAR, STRIP, Sheet, lay_out
 from star_tags.world import pages
 from star_yaml import schema as schemas
-from tests.commands import Said, command
+from tests.commands import Printed, command
 
 main = command("tags")
 
@@ -228,7 +228,7 @@ def test_a_file_that_cannot_be_written_is_refused(
 
 
 def test_without_a_name_the_file_is_called_after_the_world(
-    world: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Said
+    world: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Printed
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert main([str(world(TAGS))]) == 0

@@ -20,7 +20,7 @@ from star_core.discovery import Source
 from star_core.testing import estimate
 from star_view.camera_images import CameraStream, Picture, mosaic
 from star_view.live_view import LiveView
-from tests.commands import Said
+from tests.commands import Printed
 from tests.plugins.commands.star_view.browser import PATIENCE, Browser
 from tests.waiting import eventually
 
@@ -135,7 +135,7 @@ def test_a_page_that_fails_does_not_disturb_the_flight(caplog: pytest.LogCapture
 
 
 def test_missing_viser_is_reported_before_the_flight(
-    monkeypatch: pytest.MonkeyPatch, capsys: Said
+    monkeypatch: pytest.MonkeyPatch, capsys: Printed
 ) -> None:
     monkeypatch.setattr(star_view, "find_spec", lambda _name: None)
     assert main(["run", str(FIRST_FLIGHT), "--view", "--no-record"]) == 2

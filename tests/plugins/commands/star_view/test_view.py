@@ -30,7 +30,7 @@ from star_view.page import LOOPBACK, Page, open_page
 from star_view.plan_scene import PlannedStep, add_plan, planned_steps
 from star_view.replay import Replay
 from star_view.swarm_scene import DASH, Footprint
-from tests.commands import Said
+from tests.commands import Printed
 from tests.conftest import ROOM
 from tests.plugins.commands.star_view.browser import Browser
 from tests.waiting import eventually
@@ -251,7 +251,7 @@ def test_a_camera_that_looks_down_sees_the_floor_below_it() -> None:
 
 
 def test_a_world_is_shown_anew_when_it_is_saved(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Said
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Printed
 ) -> None:
     world = tmp_path / "room.yaml"
     pillar = "obstacles: {pillar: {box: {centre: [1, 0], size: [1, 1]}, height: [0, 2]}}\n"
@@ -316,7 +316,7 @@ def test_ctrl_c_ends_it(hop: Path) -> None:
         assert b"Traceback" not in view.stderr.read()
 
 
-def test_what_holds_no_flight_is_refused(tmp_path: Path, capsys: Said) -> None:
+def test_what_holds_no_flight_is_refused(tmp_path: Path, capsys: Printed) -> None:
     assert main(["view", str(tmp_path)]) == 2
     assert "[no-record]" in capsys.readouterr().err
     with pytest.raises(Exception, match="no-record"):
