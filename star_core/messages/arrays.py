@@ -117,7 +117,7 @@ class Table:
             ):
                 if optional and array is None:
                     continue
-                array = _freeze(self, name, dtype)
+                array = _convert(self, name, dtype)
             shape = array.shape
             if shape[1:] != row if row else len(shape) != 1:
                 raise _wrong_shape(self, name, shape, row)
@@ -209,13 +209,23 @@ def frozen(array: Values) -> Values:
     return array
 
 
-def _freeze(owner: Table, name: str, dtype: np.dtype[Any]) -> np.ndarray:
+def freeze(*arrays: np.ndarray) -> None:
+    """Make arrays read-only that are not written to any more: tables take them as they are.
+
+    Each must own its data, as for `frozen`.
+    """
+    for array in arrays:
+        array.setflags(write=False)
+
+
+def _convert(owner: Table, name: str, dtype: np.dtype[Any]) -> np.ndarray:
     """Replace a field by a read-only C array of a type, and return it."""
     try:
         array = np.array(getattr(owner, name), dtype=dtype, order="C")
     except (TypeError, ValueError) as error:
         raise ContractError(f"{type(owner).__name__}.{name} is no array: {error}") from error
-    object.__setattr__(owner, name, frozen(array))
+    array.setflags(write=False)
+    object.__setattr__(owner, name, array)
     return array
 
 

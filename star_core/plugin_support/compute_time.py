@@ -6,7 +6,7 @@ import logging
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from time import perf_counter, thread_time
+from time import monotonic, perf_counter, thread_time
 from typing import Any, Final
 
 from star_core.plugin_support.watchdog import Watchdog
@@ -53,12 +53,15 @@ class Stopwatch:
     def __enter__(self) -> None:
         self._compiled = compiling.elapsed
         self._begun = self.clock()
-        if self.watchdog is not None and self.watchdog.armed:
-            self.watchdog.begin(first=not self.ticks, transport=self.waits)
+        watchdog = self.watchdog
+        if watchdog is not None and watchdog.armed:
+            watchdog.begun, watchdog.call = monotonic(), self
+            if watchdog.realtime:
+                watchdog.set_timers()
 
     def __exit__(self, *_error: object) -> None:
         if self.watchdog is not None:
-            self.watchdog.calling = False  # the timers go on
+            self.watchdog.call = None  # the timers go on
         elapsed = self.clock() - self._begun
         self.elapsed += elapsed
         if (compiled := compiling.elapsed - self._compiled) > 0.0:

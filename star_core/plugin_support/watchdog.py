@@ -12,7 +12,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from time import monotonic
 from types import FrameType
-from typing import Final, Self
+from typing import Final, Protocol, Self
 
 from star_core.plugin_support.guard import PluginTimeout
 
@@ -20,6 +20,19 @@ MAX_CALL_TIME: Final = 10.0  # s, of one call in simulation
 MAX_REALTIME_CALL_TIME: Final = 1.0  # s, of one call where mission time advances by itself
 MAX_FIRST_CALL_TIME: Final = 60.0  # s, of the first call of a plugin: it may import and compile
 MAX_NATIVE_TIME: Final = 60.0  # s of processor time, for each processor, without a line of Python
+
+
+class WatchedCall(Protocol):
+    """The call of a plugin, as the watchdog sees it.
+
+    Attributes:
+        ticks: Number of earlier ticks in which the plugin was called. Its first call may take
+            longer.
+        waits: Whether it is the transport, which then can not brake.
+    """
+
+    ticks: int
+    waits: bool
 
 
 class Watchdog:
@@ -37,19 +50,22 @@ class Watchdog:
 
     Attributes:
         armed: Whether it has the main thread, so that calls can be interrupted.
-        calling: Whether a call is being watched.
+        realtime: Whether `set_timers` is to be called at the beginning of each call.
+        begun: When the present call began, s of `time.monotonic`.
+        call: The call that is watched; None between calls.
     """
 
     def __init__(self, period: float, *, realtime: bool, brake: Callable[[], None]) -> None:
         self._limit = MAX_REALTIME_CALL_TIME if realtime else MAX_CALL_TIME
         # in real time it is set for each call, otherwise it goes on: a call costs nothing
         self._timer = (2 * period, period) if realtime else (self._limit / 10, self._limit / 10)
-        self._brake = brake if realtime else None
+        self._brake = brake
         self._native_time = MAX_NATIVE_TIME * (os.cpu_count() or 1)
-        self.armed = self.calling = False
-        self._transport = self._first = False
-        self._begun = 0.0
-        self._late = 0  # times that the timer expired beyond the limit, in this call
+        self.armed = False
+        self.realtime = realtime
+        self.begun = self._seen = 0.0
+        self.call: WatchedCall | None = None
+        self._late = 0  # expiries beyond the limit, in the call that began at `_seen`
 
     def __enter__(self) -> Self:
         main = threading.current_thread() is threading.main_thread()
@@ -58,7 +74,7 @@ class Watchdog:
             signal.signal(signal.SIGALRM, self._expire)
             with suppress(AttributeError, OSError, ValueError):  # there may be no stderr
                 faulthandler.register(signal.SIGVTALRM, sys.__stderr__, chain=True)  # type: ignore[arg-type]
-            self._set_timers()
+            self.set_timers()
         return self
 
     def __exit__(self, *_error: object) -> None:
@@ -69,30 +85,22 @@ class Watchdog:
             signal.signal(signal.SIGALRM, signal.SIG_DFL)
             faulthandler.unregister(signal.SIGVTALRM)
 
-    def begin(self, *, first: bool, transport: bool) -> None:
-        """Begin to watch a call.
-
-        Args:
-            first: Whether it is the plugin's first, which may take longer.
-            transport: Whether the transport is called; it can then not brake.
-        """
-        self._first, self._transport, self._late = first, transport, 0
-        self._begun, self.calling = monotonic(), True
-        if self._brake is not None:
-            self._set_timers()
-
-    def _set_timers(self) -> None:
+    def set_timers(self) -> None:
+        """Begin to wait for the present call to take too long."""
         signal.setitimer(signal.ITIMER_REAL, *self._timer)
         signal.setitimer(signal.ITIMER_VIRTUAL, self._native_time)
 
     def _expire(self, _number: int, _frame: FrameType | None) -> None:
         signal.setitimer(signal.ITIMER_VIRTUAL, self._native_time)
-        if not self.calling:
+        call = self.call
+        if call is None:
             return
-        if self._brake is not None and not self._transport:
+        if self.realtime and not call.waits:
             self._brake()
-        took = monotonic() - self._begun
-        limit = max(self._limit, MAX_FIRST_CALL_TIME) if self._first else self._limit
+        if self.begun != self._seen:
+            self._seen, self._late = self.begun, 0
+        took = monotonic() - self.begun
+        limit = self._limit if call.ticks else max(self._limit, MAX_FIRST_CALL_TIME)
         self._late += took > limit
         if self._late > 1 and not _debugged():  # once is also after Ctrl-Z and `fg`
             raise PluginTimeout(f"no result after {took:.2g} s")

@@ -18,6 +18,7 @@ from star_core.geometry.obstacles import obstacle_meshes as obstacle_meshes
 from star_core.inner_plugins import check_inner as check_inner
 from star_core.inner_plugins import make_inner as make_inner
 from star_core.messages.arrays import every as every
+from star_core.messages.arrays import freeze as freeze
 from star_core.messages.arrays import frozen as frozen
 from star_core.messages.arrays import some as some
 from star_core.messages.faults import Fault as Fault

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from star_core.messages.arrays import Array, Mask, frozen
+from star_core.messages.arrays import Array, Mask, freeze
 from star_core.messages.rotations import wrap_angle
 from star_core.messages.state import Estimate, Goals, Setpoint
 from star_core.toolkit.jit import compiled
@@ -81,7 +81,8 @@ class PositionController:
         """
         if goals.acceleration is None:
             self._tracking.forget()
-            return Setpoint(frozen(velocity), frozen(yaw), frozen(active))
+            freeze(velocity, yaw, active)
+            return Setpoint(velocity, yaw, active)
         goal = Setpoint(
             velocity, yaw, active & goals.active, goals.position, goals.acceleration, goals.yaw_rate
         )

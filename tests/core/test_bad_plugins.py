@@ -249,12 +249,12 @@ def test_leftover_plugin_threads_do_not_block_exit() -> None:
 
 def test_endless_native_code_ends_the_process_with_its_line() -> None:
     done = in_python(
-        "import os, collections, itertools",
-        "from star_core.plugin_support import watchdog",
+        "import os, collections, itertools, time",
+        "from star_core.plugin_support import compute_time, watchdog",
         "watchdog.MAX_NATIVE_TIME = 0.1 / os.cpu_count()",
         "with watchdog.Watchdog(0.1, realtime=False, brake=lambda: None) as watched:",
-        "    watched.begin(first=False, transport=False)",
-        "    collections.deque(itertools.repeat(None), maxlen=0)",
+        "    with compute_time.Stopwatch(time.perf_counter, watched):",
+        "        collections.deque(itertools.repeat(None), maxlen=0)",
     )
     assert done.returncode == -signal.SIGVTALRM
     assert 'File "<string>", line 6' in done.stderr

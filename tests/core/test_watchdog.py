@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+from types import SimpleNamespace
 
 import pytest
 
@@ -32,9 +33,14 @@ class Watched:
     def _brake(self) -> None:
         self.brakes += 1
 
+    def begin(self, *, first: bool = False, transport: bool = False) -> None:
+        """Begin a call, as a plugin's stopwatch does."""
+        self.dog.begun = self.now
+        self.dog.call = SimpleNamespace(ticks=0 if first else 1, waits=transport)
+
     def interrupted_after(self, step: float, *, first: bool, transport: bool = False) -> float:
         """Return the time after which a call is interrupted, if the timer expires every `step`."""
-        self.dog.begin(first=first, transport=transport)
+        self.begin(first=first, transport=transport)
         begun = self.now
         while True:
             self.now += step
@@ -59,10 +65,10 @@ def test_calls_are_interrupted_after_a_limit_longer_at_first(
 
 def test_a_pause_of_the_whole_program_interrupts_no_call(monkeypatch: pytest.MonkeyPatch) -> None:
     watched = Watched(monkeypatch, realtime=False)
-    watched.dog.begin(first=False, transport=False)
+    watched.begin()
     watched.now += 3600
     watched.dog._expire(signal.SIGALRM, None)
-    watched.dog.calling = False
+    watched.dog.call = None
     watched.now += 3600
     watched.dog._expire(signal.SIGALRM, None)  # no call is watched
 

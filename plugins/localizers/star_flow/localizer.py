@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from star_core import Estimate, Scene, Telemetry, Transform
-from star_core.toolkit import SurfaceHeights, every, frozen, some, wrap_angle
+from star_core.toolkit import SurfaceHeights, every, freeze, some, wrap_angle
 from star_flow.drift import ArtificialError, drift_of
 from star_flow.kernel import follow_moves, warm_up
 from star_flow.target_sightings import TargetSightings
@@ -73,13 +73,14 @@ class Flow:
         covariance += self._variance
         covariance[:, 2, 2] += below.variance
         self._covariance = covariance
+        freeze(self._position, velocity, self._yaw, covariance, valid)
         return Estimate(
             time=telemetry.time,
-            position=frozen(self._position),
-            velocity=frozen(velocity),
-            yaw=frozen(self._yaw),
-            covariance=frozen(covariance),
-            valid=frozen(valid),
+            position=self._position,
+            velocity=velocity,
+            yaw=self._yaw,
+            covariance=covariance,
+            valid=valid,
             map_from_odom=self._map_from_odom,
             sightings=self._targets.locate(
                 telemetry, self._map_from_odom, self._position, covariance

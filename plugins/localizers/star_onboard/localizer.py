@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from star_core import Estimate, Mask, Scene, Telemetry, Transform
-from star_core.toolkit import SurfaceHeights, frozen, shortlist, some
+from star_core.toolkit import SurfaceHeights, freeze, shortlist, some
 from star_onboard.systems import system_std
 
 MAX_STD: Final = 0.1  # m, default of `max_std` with a Flow deck, and
@@ -82,13 +82,16 @@ class Onboard:
         self._position = np.where(converged[:, None], position, self._position)
         self._yaw = np.where(converged, yaw, self._yaw)
         self._note(telemetry, converged)
+        velocity = np.where(converged[:, None], velocity, 0.0)
+        valid = converged & (telemetry.age <= self._max_report_age)
+        freeze(self._position, velocity, self._yaw, covariance, valid)
         return Estimate(
             time=telemetry.time,
-            position=frozen(self._position),
-            velocity=frozen(np.where(converged[:, None], velocity, 0.0)),
-            yaw=frozen(self._yaw),
-            covariance=frozen(covariance),
-            valid=frozen(converged & (telemetry.age <= self._max_report_age)),
+            position=self._position,
+            velocity=velocity,
+            yaw=self._yaw,
+            covariance=covariance,
+            valid=valid,
             map_from_odom=self._map_from_odom,
             messages=self._reported(),
             heights=below.heights,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from star_core import Estimate, Goals, Paths, Plan, Scene
-from star_core.toolkit import PositionController, frozen
+from star_core.toolkit import PositionController, freeze
 
 
 class Straight:
@@ -27,8 +27,10 @@ class Straight:
         ends = np.empty((2 * len(rows), 3))  # from here to the goal
         ends[::2] = estimate.position[rows]
         ends[1::2] = goals.position[rows]
+        agent, unreachable = rows.repeat(2), np.zeros(len(active), np.bool_)
+        freeze(agent, ends, unreachable)
         return Plan(
             self._homing.setpoint(velocity, yaw, active, estimate, goals),
-            Paths(agent=frozen(rows.repeat(2)), point=frozen(ends)),
-            unreachable=frozen(np.zeros(len(active), np.bool_)),
+            Paths(agent=agent, point=ends),
+            unreachable=unreachable,
         )

@@ -27,7 +27,7 @@ from star_core import (
     Trajectory,
     Truth,
 )
-from star_core.toolkit import Fault, every, frozen, some
+from star_core.toolkit import Fault, every, freeze, frozen, some
 from star_sim import commander
 from star_sim.aerodynamics import COLUMNS, Wind
 from star_sim.airframe import STEP, STEPS_PER_CYCLE
@@ -271,20 +271,22 @@ class Simulator:
         frames, detections = Frames.none(), Detections.none()
         if self._cameras is not None:
             frames, detections = self._cameras.arrived(now)
+        battery, lands_by = drones["voltage"].copy(), self._lands_by.copy()
+        freeze(position, velocity, attitude, battery, state, age, lands_by, force)
         return Telemetry(
             time=self._step // STEPS_PER_CYCLE * STEPS_PER_CYCLE * STEP,
-            position=frozen(position),
-            velocity=frozen(velocity),
-            attitude=frozen(attitude),
-            battery=frozen(drones["voltage"].copy()),
-            state=frozen(state),
-            age=frozen(age),
+            position=position,
+            velocity=velocity,
+            attitude=attitude,
+            battery=battery,
+            state=state,
+            age=age,
             odometry=odometry,
             frames=frames,
             detections=detections,
             fixes=self.fixes(),
-            lands_by=frozen(self._lands_by.copy()),
-            specific_force=frozen(force),
+            lands_by=lands_by,
+            specific_force=force,
             position_variance=self._position_variance(now),
         )
 
@@ -425,8 +427,7 @@ class Simulator:
         agent, time, velocity = np.empty(k, np.int64), np.empty(k), np.empty((k, 3))
         rates = np.empty(k), np.empty(k), np.empty(k), np.empty(k)
         arrive(table, heard, newest, agent, time, velocity, rates)
-        for values in (agent, time, velocity, *rates):
-            frozen(values)
+        freeze(agent, time, velocity, *rates)
         return Odometry(agent, time, velocity, *rates)
 
 
