@@ -164,8 +164,8 @@ class Avoider(Protocol):
     It may have the method of `NotesGoals`, too.
     """
 
-    def avoid(self, estimate: Estimate, wanted: Setpoint) -> Setpoint:
-        """Return the setpoint nearest to `wanted` that keeps the agents apart.
+    def avoid(self, estimate: Estimate, planned: Setpoint) -> Setpoint:
+        """Return the setpoint nearest to `planned` that keeps the agents apart.
 
         Inactive rows stay inactive, but are obstacles to the others. An active row that is returned
         inactive brakes.

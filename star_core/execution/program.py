@@ -95,16 +95,16 @@ class Program:
             InputError: A name or an option is wrong.
             PluginError: There is no such verb, or several.
         """
-        found = self._registry.find("task", verb)
+        plugin = self._registry.find("task", verb)
         rows = self.rows(agents)
-        filled = fill_defaults(options, found.offer.options)
-        problems = [*self._problems(found, options)]
-        problems = problems or [*self._checked(found, rows, filled)]
+        filled = fill_defaults(options, plugin.offer.options)
+        problems = [*self._problems(plugin, options)]
+        problems = problems or [*self._checked(plugin, rows, filled)]
         if problems:
             raise InputError([f"{location}: {verb}: {problem}" for problem in problems])
         return Action(
             verb=verb,
-            source=found.source,
+            source=plugin.source,
             rows=rows,
             options=filled,
             until=None,
@@ -196,26 +196,26 @@ class Program:
         self._number += 1
         self._assignments.take_over((slot for slot in slots if slot is not None), self._number)
 
-    def _problems(self, found: Found, options: Mapping[str, Any]) -> Iterator[str]:
+    def _problems(self, plugin: Found, options: Mapping[str, Any]) -> Iterator[str]:
         """Yield what the schema of a verb refuses."""
         from jsonschema import Draft202012Validator  # some 50 ms
 
-        properties = found.offer.options.get("properties", {})
+        properties = plugin.offer.options.get("properties", {})
         for name in options.keys() - properties.keys():
             hint = suggestion(name, properties, "there are")
             yield f"no option {name!r}{hint} [unknown-option]"
-        for error in Draft202012Validator(found.offer.options).iter_errors(dict(options)):
+        for error in Draft202012Validator(plugin.offer.options).iter_errors(dict(options)):
             where = "".join(f"{key}: " for key in error.absolute_path)
             yield f"{where}{error.message} [invalid-option]"
 
     def _checked(
-        self, found: Found, rows: tuple[int, ...], options: Mapping[str, Any]
+        self, plugin: Found, rows: tuple[int, ...], options: Mapping[str, Any]
     ) -> Iterator[str]:
         """Yield what the check of a verb finds, besides warnings."""
-        check = found.offer.check
+        check = plugin.offer.check
         if check is None:
             return
-        for problem in guarded("task", found, partial(check, **options), self._scene, rows):
+        for problem in guarded("task", plugin, partial(check, **options), self._scene, rows):
             if not problem.warning:
                 where = "".join(f"{key}: " for key in problem.path)
                 yield f"{where}{problem.message} [{problem.code}]"

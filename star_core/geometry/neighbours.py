@@ -55,11 +55,11 @@ class Pairs:
         """Return the pairs that are nearer than a smaller distance, m."""
         return self.where(self.distance < reach)  # NaN is not
 
-    def where(self, wanted: Mask) -> Self:
-        """Return the pairs that are True in `wanted`, (P,)."""
-        if every(wanted):
+    def where(self, mask: Mask) -> Self:
+        """Return the pairs that are True in `mask`, (P,)."""
+        if every(mask):
             return self
-        return type(self)(self.first[wanted], self.second[wanted], self.distance[wanted])
+        return type(self)(self.first[mask], self.second[mask], self.distance[mask])
 
 
 def warm_up(agents: int) -> None:

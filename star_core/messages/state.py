@@ -174,8 +174,8 @@ class Setpoint(Table):
         """Return the active rows with a trajectory to follow: (N,)."""
         if self.position is None or self.acceleration is None:
             return np.zeros(len(self.active), np.bool_)
-        known = np.isfinite(self.position).all(axis=1) & np.isfinite(self.acceleration).all(axis=1)
-        followed: Mask = self.active & known
+        finite = np.isfinite(self.position).all(axis=1) & np.isfinite(self.acceleration).all(axis=1)
+        followed: Mask = self.active & finite
         return followed
 
     def following(self, other: Setpoint, rows: Mask) -> Setpoint:
@@ -196,7 +196,7 @@ class Setpoint(Table):
 
 
 def with_possible_positions(
-    estimate: Estimate, wanted: Setpoint, spacing: float = 0.2
+    estimate: Estimate, planned: Setpoint, spacing: float = 0.2
 ) -> tuple[Estimate, Setpoint]:
     """Return both tables with further rows at the possible positions of agents that are not heard.
 
@@ -207,7 +207,7 @@ def with_possible_positions(
 
     Args:
         estimate: Of N agents.
-        wanted: Of N agents.
+        planned: Of N agents.
         spacing: Greatest distance between two rows of one agent, m.
 
     Example:
@@ -218,12 +218,12 @@ def with_possible_positions(
         array([0.  , 0.15, 0.3 ])
     """
     if not np.count_nonzero(estimate.possible_travel):
-        return estimate, wanted
+        return estimate, planned
     length = np.linalg.norm(estimate.possible_travel, axis=1)
     steps = np.ceil(np.where(np.isfinite(length), length, 0.0) / spacing).astype(int)
     k = int(steps.sum())
     if k == 0:
-        return estimate, wanted
+        return estimate, planned
     n = len(steps)
     row = np.concatenate([np.arange(n), np.repeat(np.arange(n), steps)])
     share = np.concatenate([np.zeros(n), *(np.arange(1, s + 1) / s for s in steps if s)])
@@ -239,9 +239,9 @@ def with_possible_positions(
         map_from_odom=estimate.map_from_odom.of(row),
         possible_travel=np.zeros((n + k, 3)),
     ), Setpoint(
-        velocity=np.where(added[:, None], 0.0, wanted.velocity[row]),
-        yaw=wanted.yaw[row],
-        active=wanted.active[row] & ~added,
+        velocity=np.where(added[:, None], 0.0, planned.velocity[row]),
+        yaw=planned.yaw[row],
+        active=planned.active[row] & ~added,
     )
 
 

@@ -84,7 +84,7 @@ def star_planners(registry: Registry) -> Iterable[PlannerSpec]:  # type: ignore[
 
 @hookspec
 def star_avoiders(registry: Registry) -> Iterable[AvoiderSpec]:  # type: ignore[empty-body]
-    """Offer avoiders: from wanted setpoints to ones that keep the agents apart."""
+    """Offer avoiders: from planned setpoints to ones that keep the agents apart."""
 
 
 @hookspec

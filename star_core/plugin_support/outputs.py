@@ -44,8 +44,8 @@ def checked_telemetry(answer: object, n: int) -> Telemetry:
         raise ContractError(f"Telemetry.time is {telemetry.time!r}, expected a number")
     for name in ("odometry", "frames", "detections", "fixes"):
         if len(rows := getattr(telemetry, name).agent):
-            known = rows[rows != UNLABELLED] if name == "fixes" else rows
-            _require_agents(f"Telemetry.{name}.agent", known, n)
+            labelled = rows[rows != UNLABELLED] if name == "fixes" else rows
+            _require_agents(f"Telemetry.{name}.agent", labelled, n)
     return telemetry
 
 

@@ -265,16 +265,16 @@ def _merged(plugins: list[Found]) -> Any:
     return replace(first, options=options)
 
 
-def guarded(kind: str, found: Found, function: Callable[..., Any], *arguments: Any) -> Any:
+def guarded(kind: str, plugin: Found, function: Callable[..., Any], *arguments: Any) -> Any:
     """Return the result of a function of a plugin.
 
     Raises:
         PluginError: A third party's raised neither `InputError` nor `SystemExit`.
     """
-    if found.source.own:  # its other errors are bugs, and show their tracebacks
+    if plugin.source.own:  # its other errors are bugs, and show their tracebacks
         return function(*arguments)
     try:
-        with PluginGuard(f"{kind} {found.offer.name!r} ({found.source})"):
+        with PluginGuard(f"{kind} {plugin.offer.name!r} ({plugin.source})"):
             return function(*arguments)
     except PluginError as error:
         if isinstance(error.__cause__, SystemExit | InputError | BrokenPipeError):

@@ -29,7 +29,7 @@ def check_avoider(make: Callable[[Scene], Avoider], scene: Callable[[int], Scene
 
     def check(answer: Any, _now: Estimate, planned: Setpoint) -> None:
         safe = checked_setpoint(answer, len(planned.yaw))
-        require_inactive(safe.active, planned.active, "wanted")
+        require_inactive(safe.active, planned.active, "planned")
 
     return check_method(make, Avoider, "avoid", scene, cases, check)
 

@@ -13,12 +13,12 @@ USED: Final = (0, 220, 90)  # red, green and blue
 REJECTED: Final = (255, 140, 0)
 
 
-def image_with_tags(image: Image, found: Detections, width: int) -> Image:
+def image_with_tags(image: Image, detections: Detections, width: int) -> Image:
     """Return an image in color with the outlines and numbers of tags, orange if rejected.
 
     Args:
         image: (height, width) gray values.
-        found: The tags of this image.
+        detections: The tags of this image.
         width: Of the result, px.
 
     Returns:
@@ -27,13 +27,13 @@ def image_with_tags(image: Image, found: Detections, width: int) -> Image:
     scale = width / image.shape[1]
     shown = cv2.resize(image, (width, round(image.shape[0] * scale)))
     shown = cv2.cvtColor(shown, cv2.COLOR_GRAY2RGB)
-    finite = np.isfinite(found.corners).all(axis=(1, 2))
+    finite = np.isfinite(detections.corners).all(axis=(1, 2))
     for k in np.flatnonzero(finite).tolist():
-        color = REJECTED if found.rejected[k] else USED
-        corners = np.round((found.corners[k] + 0.5) * scale - 0.5).astype(np.int32)
+        color = REJECTED if detections.rejected[k] else USED
+        corners = np.round((detections.corners[k] + 0.5) * scale - 0.5).astype(np.int32)
         cv2.polylines(shown, [corners], isClosed=True, color=color, thickness=2)
         u, v = corners.max(axis=0).tolist()
         for shade, thickness in ((0, 0, 0), 3), (color, 1):
             at, font = (u + 3, v), cv2.FONT_HERSHEY_SIMPLEX
-            cv2.putText(shown, str(found.tag[k]), at, font, 0.5, shade, thickness, cv2.LINE_AA)
+            cv2.putText(shown, str(detections.tag[k]), at, font, 0.5, shade, thickness, cv2.LINE_AA)
     return np.asarray(shown, np.uint8)

@@ -107,12 +107,12 @@ DICE = np.random.default_rng(0)
 AVOIDERS = [
     (lambda *_: None, "avoider of 1 agent, all fly: returned NoneType, expected S"),
     (
-        lambda _, now, wanted: replace(wanted, velocity=wanted.velocity + now.position.sum()),
+        lambda _, now, planned: replace(planned, velocity=planned.velocity + now.position.sum()),
         r"2 agents, agent 0 is not located, its row is NaN: Setpoint.velocity of row 1 is \[nan",
     ),
     (
-        lambda _, now, wanted: replace(wanted, active=np.ones(len(now.yaw), np.bool_)),
-        "row 0 is not active in wanted, but active in the result",
+        lambda _, now, planned: replace(planned, active=np.ones(len(now.yaw), np.bool_)),
+        "row 0 is not active in planned, but active in the result",
     ),
     (velocity(lambda a: a + DICE.random()), r"return different Setpoint.velocity .* draw random"),
     (unfreezes, r"avoid\(\) changed Estimate.position of its input: make another table by"),
@@ -124,14 +124,14 @@ AVOIDERS = [
 def test_avoiders_that_break_their_contract_are_refused(
     change: Callable[..., Any], message: str
 ) -> None:
-    idle = SimpleNamespace(avoid=lambda _now, wanted: wanted)
+    idle = SimpleNamespace(avoid=lambda _now, planned: planned)
     wrong(idle, "avoid", change)
     with pytest.raises(ContractError, match=message):
         kit.check_avoider(lambda _scene: idle)
 
 
 def test_an_error_of_a_plugin_itself_has_the_case_beside_it() -> None:
-    raising = SimpleNamespace(avoid=lambda _now, _wanted: dict[str, float]()["gain"])
+    raising = SimpleNamespace(avoid=lambda _now, _planned: dict[str, float]()["gain"])
     with pytest.raises(KeyError) as caught:
         kit.check_avoider(lambda _scene: raising)
     assert caught.value.__notes__[0].startswith("avoider of 1 agent, all fly; agents that are not")
@@ -271,7 +271,7 @@ TRANSPORTS = [
     ("send", lambda *_: None, "with setpoints along x: returned NoneType"),
     (
         "send",
-        lambda right, wanted: right(replace(wanted, active=~wanted.active)),
+        lambda right, planned: right(replace(planned, active=~planned.active)),
         r"with setpoints along x: row 0 is \[0.4\] m from",
     ),
     ("truth", lambda *_: DICE, "returned Generator, expected Truth"),
@@ -292,7 +292,7 @@ def test_transports_that_break_their_contract_are_refused(
 
 
 def test_call_times_are_returned_and_kept_for_pytest() -> None:
-    idle = SimpleNamespace(avoid=lambda _now, wanted: wanted)
+    idle = SimpleNamespace(avoid=lambda _now, planned: planned)
     times = kit.check_avoider(lambda _scene: idle)
     assert list(times) == [1, 2, 50]
     assert kit.reports[-1].startswith("SimpleNamespace: ")

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 class PassThrough:
     """Does not avoid anything."""
 
-    def avoid(self, estimate: Estimate, wanted: Setpoint) -> Setpoint:
-        return wanted
+    def avoid(self, estimate: Estimate, planned: Setpoint) -> Setpoint:
+        return planned
 
 
 @hookimpl

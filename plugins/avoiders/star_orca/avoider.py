@@ -95,15 +95,15 @@ class Orca:
     def note_goals(self, goals: Goals) -> None:
         self._goals = goals
 
-    def avoid(self, estimate: Estimate, wanted: Setpoint) -> Setpoint:
-        n = len(wanted.yaw)
-        avoids = wanted.active & estimate.valid
+    def avoid(self, estimate: Estimate, planned: Setpoint) -> Setpoint:
+        n = len(planned.yaw)
+        avoids = planned.active & estimate.valid
         position, velocity = self._predicted(estimate)
-        covariance, wish = estimate.covariance, np.array(wanted.velocity)
+        covariance, wish = estimate.covariance, np.array(planned.velocity)
         radius, speed, gives_way, more = self._radius, self._speed, avoids, 0
         if np.count_nonzero(estimate.possible_travel):
             extended_estimate, extended = with_possible_positions(
-                replace(estimate, position=position, velocity=velocity), wanted, self._spacing
+                replace(estimate, position=position, velocity=velocity), planned, self._spacing
             )
             more = len(extended_estimate.yaw) - n  # possible positions of silent agents
             radius, speed = (
@@ -148,13 +148,13 @@ class Orca:
             result = result.copy()
         if self._response > 0.0:
             self._limit_acceleration(result, estimate.velocity, avoids)
-        followed = wanted.followed()
+        followed = planned.followed()
         if some(followed):  # the rule of the road turns agents that need not avoid
             free = np.abs(solved(0.0) - wish[:n]).max(axis=1) <= ROUNDING
             keep = followed & free
-            result[keep] = wanted.velocity[keep]
+            result[keep] = planned.velocity[keep]
         self._last_setpoint, self._has_setpoint = result, avoids
-        return Setpoint(frozen(result), wanted.yaw, wanted.active)
+        return Setpoint(frozen(result), planned.yaw, planned.active)
 
     def _distant_goals(self, position: Array, avoids: Mask) -> Array:
         """Return where agents at (M, 3) m fly, (M, 2) m; NaN where they are, or have no goal."""

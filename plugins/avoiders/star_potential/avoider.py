@@ -55,21 +55,21 @@ class Potential:
             for obstacle in scene.world.obstacles
         ]  # of each obstacle, both ends of its edges, (E, 4) m
 
-    def avoid(self, estimate: Estimate, wanted: Setpoint) -> Setpoint:
-        n = len(wanted.yaw)
-        estimate, wanted = with_possible_positions(estimate, wanted, self._radius)
-        pushed = wanted.active & estimate.valid
+    def avoid(self, estimate: Estimate, planned: Setpoint) -> Setpoint:
+        n = len(planned.yaw)
+        estimate, planned = with_possible_positions(estimate, planned, self._radius)
+        pushed = planned.active & estimate.valid
         located = np.asarray(np.isfinite(estimate.position).all(axis=1))
         position = np.where(located[:, None], estimate.position, 0.0)
         margin = position_margin(estimate.covariance, self._uncertainty_margin, self._radius)
         push = self._from_agents(position, located, margin)
-        speed = np.hypot(wanted.velocity[:, 0], wanted.velocity[:, 1])
+        speed = np.hypot(planned.velocity[:, 0], planned.velocity[:, 1])
         away = np.minimum(speed / NEAR_GOAL, 1.0) ** 2
         push += self._from_obstacles(position, margin, away)
-        velocity = wanted.velocity.copy()
+        velocity = planned.velocity.copy()
         velocity[:, :2] += np.where(pushed[:, None], push, 0.0)
         answer = np.where(pushed[:, None], self._cut(velocity), velocity)
-        return Setpoint(answer[:n], wanted.yaw[:n], wanted.active[:n])
+        return Setpoint(answer[:n], planned.yaw[:n], planned.active[:n])
 
     def _from_agents(self, position: Array, located: Mask, margin: Array) -> Array:
         """(N, 2) repulsion of other agents, m/s; agents at one point separate along x, by row."""

@@ -55,13 +55,13 @@ class Voronoi:
         self._wound = np.zeros(len(scene.agents))  # rad that it has turned towards what it follows
         self._cruise = np.zeros(len(scene.agents))  # m/s, greatest preferred speed
 
-    def avoid(self, estimate: Estimate, wanted: Setpoint) -> Setpoint:
-        n = len(wanted.yaw)
-        estimate, wanted = with_possible_positions(estimate, wanted, self._radius)
-        avoids = wanted.active & estimate.valid
+    def avoid(self, estimate: Estimate, planned: Setpoint) -> Setpoint:
+        n = len(planned.yaw)
+        estimate, planned = with_possible_positions(estimate, planned, self._radius)
+        avoids = planned.active & estimate.valid
         located = np.asarray(np.isfinite(estimate.position).all(axis=1))
         position = np.where(located[:, None], estimate.position, 0.0)
-        wish = np.ascontiguousarray(np.where(avoids[:, None], wanted.velocity, 0.0))
+        wish = np.ascontiguousarray(np.where(avoids[:, None], planned.velocity, 0.0))
         margin = position_margin(estimate.covariance, self._uncertainty_margin, self._radius)
         normal, room = self._agents(position, located, avoids, margin)
         wall, space = self._obstacles(position, margin)
@@ -84,8 +84,8 @@ class Voronoi:
         velocity = np.column_stack([flat, self._climb(position, located, wish[:, 2])])
         speed = np.maximum(np.linalg.norm(velocity, axis=1, keepdims=True), self._speed)
         velocity *= self._speed / speed
-        answer = np.where(avoids[:, None], velocity, wanted.velocity)
-        return Setpoint(answer[:n], wanted.yaw[:n], wanted.active[:n])
+        answer = np.where(avoids[:, None], velocity, planned.velocity)
+        return Setpoint(answer[:n], planned.yaw[:n], planned.active[:n])
 
     def _lead_around(
         self,

@@ -46,9 +46,9 @@ def run(options: argparse.Namespace, registry: Registry) -> int:
     study = _checked(Path(options.study), registry, options.seeds)
     folder = output_folder(options.out, study.name, JOURNAL)
     if options.dry_run:
-        known = list(entries(folder / JOURNAL)) if (folder / JOURNAL).exists() else []
-        done = {entry.key for entry in known if entry.result.summary is not None}
-        times = [entry.result.wall_time for entry in known if entry.key in done]
+        recorded = list(entries(folder / JOURNAL)) if (folder / JOURNAL).exists() else []
+        done = {entry.key for entry in recorded if entry.result.summary is not None}
+        times = [entry.result.wall_time for entry in recorded if entry.key in done]
         with closing(_engine(options, registry)) as engine:
             for text in describe(study, options.shard, times, done, engine):
                 sys.stdout.write(f"{text}\n")

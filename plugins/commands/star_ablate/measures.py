@@ -35,9 +35,9 @@ def problems(
         candidates: Of the nearest ones, which the message suggests.
         wrong: Those of `measures` that no summary has.
     """
-    known = [name.removesuffix(".*") for name in candidates]
+    names = [name.removesuffix(".*") for name in candidates]
     for measure in wrong:
-        text = f"summaries have no measure {measure!r}{suggestion(measure, known, 'there are')}"
+        text = f"summaries have no measure {measure!r}{suggestion(measure, names, 'there are')}"
         yield Problem(("measures", measures.index(measure)), text, CODE)
 
 

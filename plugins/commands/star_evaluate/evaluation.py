@@ -116,15 +116,15 @@ def evaluate(
     pooled = []
     for flight in flights:
         truth = flight.truth(offset) @ rotation.T + translation
-        known: Mask = np.isfinite(truth.sum(axis=1))
-        compared = flight.estimate - truth, flight.std, known, _length(truth[known])
+        finite: Mask = np.isfinite(truth.sum(axis=1))
+        compared = flight.estimate - truth, flight.std, finite, _length(truth[finite])
         pooled.append(compared)
         results[run.agents[flight.row]] = _errors(*compared)
     if not any(errors.samples for errors in results.values()):
         text = f"{run.folder}: the ground truth and the flight have no time in common"
         raise InputError(f"{text}; find their offset by --offset auto", "no-record")
-    error, std, known = (np.concatenate([each[k] for each in pooled]) for k in range(3))
-    every = _errors(error, std, known, sum(length for *_, length in pooled))
+    error, std, finite = (np.concatenate([each[k] for each in pooled]) for k in range(3))
+    every = _errors(error, std, finite, sum(length for *_, length in pooled))
     return Evaluation(results, every, offset, rotation, translation)
 
 
@@ -135,9 +135,9 @@ def recorded_truth(run: Run) -> dict[str, Array]:
     tracks = {}
     for row, name in enumerate(run.agents):
         position = run.arrays["truth_position"][:, row]
-        known = np.isfinite(position.sum(axis=1))
-        if np.count_nonzero(known) > 1:
-            tracks[name] = np.column_stack([run.arrays["time"], position])[known]
+        finite = np.isfinite(position.sum(axis=1))
+        if np.count_nonzero(finite) > 1:
+            tracks[name] = np.column_stack([run.arrays["time"], position])[finite]
     return tracks
 
 
@@ -162,16 +162,16 @@ def _compared(run: Run, row: int, track: Array) -> Compared:
     return Compared(row, run.arrays["time"][rows], estimate[rows], std, track)
 
 
-def _errors(offset: Array, std: Array, known: Mask, length: float) -> Errors:
-    if not known.any():
+def _errors(offset: Array, std: Array, finite: Mask, length: float) -> Errors:
+    if not finite.any():
         return Errors(0, 0.0, math.nan, math.nan, math.nan, math.nan, math.nan, 0.0)
-    error = offset[known]
+    error = offset[finite]
     squared = np.vecdot(error, error)
-    normalized = (error / np.maximum(std[known], 1e-9)) ** 2
+    normalized = (error / np.maximum(std[finite], 1e-9)) ** 2
     mse = float(squared.mean())
     return Errors(
-        int(known.sum()),
-        float(known.mean()),
+        int(finite.sum()),
+        float(finite.mean()),
         mse,
         float(squared.std()),
         math.sqrt(mse),
@@ -190,10 +190,10 @@ def _alignment(flights: list[Compared], offset: float, align: Alignment) -> tupl
     if align == "none":
         return np.eye(3), np.zeros(3)
     truths = [flight.truth(offset) for flight in flights]
-    known = [np.isfinite(truth.sum(axis=1)) for truth in truths]
-    source = np.concatenate([truth[rows] for truth, rows in zip(truths, known, strict=True)])
+    finite = [np.isfinite(truth.sum(axis=1)) for truth in truths]
+    source = np.concatenate([truth[rows] for truth, rows in zip(truths, finite, strict=True)])
     target = np.concatenate(
-        [flight.estimate[rows] for flight, rows in zip(flights, known, strict=True)]
+        [flight.estimate[rows] for flight, rows in zip(flights, finite, strict=True)]
     )
     if len(source) < MIN_SAMPLES:
         return np.eye(3), np.zeros(3)
@@ -202,10 +202,12 @@ def _alignment(flights: list[Compared], offset: float, align: Alignment) -> tupl
         rotation, _ = Rotation.align_vectors(target - goal, source - middle)
         matrix: Array = rotation.as_matrix()
     else:
-        flat, wanted = (source - middle)[:, :2], (target - goal)[:, :2]
-        cross = float((flat[:, 0] * wanted[:, 1] - flat[:, 1] * wanted[:, 0]).sum())
+        flat_source, flat_target = (source - middle)[:, :2], (target - goal)[:, :2]
+        cross = float(
+            (flat_source[:, 0] * flat_target[:, 1] - flat_source[:, 1] * flat_target[:, 0]).sum()
+        )
         matrix = Rotation.from_euler(
-            "z", math.atan2(cross, float((flat * wanted).sum()))
+            "z", math.atan2(cross, float((flat_source * flat_target).sum()))
         ).as_matrix()
     return matrix, goal - matrix @ middle
 

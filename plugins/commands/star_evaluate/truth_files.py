@@ -115,8 +115,8 @@ def _mcap(path: Path, bodies: Mapping[str, str], topic: str) -> dict[str, Array]
         with AnyReader([path]) as reader:
             chosen = [each for each in reader.connections if each.topic in topics]
             if not chosen:
-                known = sorted({each.topic for each in reader.connections})
-                hint = suggestion(next(iter(topics)), known, "there are", 10)
+                recorded = sorted({each.topic for each in reader.connections})
+                hint = suggestion(next(iter(topics)), recorded, "there are", 10)
                 text = f"{path}: no topic {next(iter(topics))!r}{hint}; name it by --topic"
                 raise InputError(text, "no-record")
             for connection, _, data in reader.messages(connections=chosen):

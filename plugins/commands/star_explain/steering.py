@@ -77,8 +77,8 @@ class Steering:
             try:
                 plan = planner.plan(estimate, replace(goals, active=goals.active & steered))
                 planned = np.where(plan.unreachable[:, None], velocity, plan.setpoint.velocity)
-                wanted = replace(plan.setpoint, velocity=planned)
-                return np.array(avoider.avoid(estimate, wanted).velocity)
+                setpoint = replace(plan.setpoint, velocity=planned)
+                return np.array(avoider.avoid(estimate, setpoint).velocity)
             except Exception:  # noqa: BLE001 -- whatever a plugin may raise, as the flight reports
                 self._plugins = None
         return self._passing.velocity(now, estimate.position, goals, steered, velocity)

@@ -166,23 +166,23 @@ def _common(cells: Cells, at: Sequence[Levels]) -> list[Block]:
 
 
 def _summed_up(study: Study, samples: Iterable[_Sample]) -> list[Result]:
-    known = [sample for sample in samples if sample.values]
-    estimates = means([sample.values for sample in known])
+    measured = [sample for sample in samples if sample.values]
+    estimates = means([sample.values for sample in measured])
     return [
         Result(sample.levels, sample.measure, _bounded(study, sample, mean), median(sample.values))
-        for sample, mean in zip(known, estimates, strict=True)
+        for sample, mean in zip(measured, estimates, strict=True)
     ]
 
 
 def _compared(study: Study, samples: Iterable[_Sample]) -> list[Result]:
-    known = [sample for sample in samples if sample.values]
-    estimates = means([sample.values for sample in known], signed=True)
-    p_values = [p_value(sample.values) for sample in known]
+    measured = [sample for sample in samples if sample.values]
+    estimates = means([sample.values for sample in measured], signed=True)
+    p_values = [p_value(sample.values) for sample in measured]
     return [
         Result(
             sample.levels, sample.measure, _bounded(study, sample, mean), None, sample.baseline, *p
         )
-        for sample, mean, *p in zip(known, estimates, p_values, holm(p_values), strict=True)
+        for sample, mean, *p in zip(measured, estimates, p_values, holm(p_values), strict=True)
     ]
 
 

@@ -146,13 +146,13 @@ def _group(study: Study, result: Result) -> Group:
         if result.levels.items() <= dict(zip(study.names, levels, strict=True)).items()
         for row in rows
     ]
-    known = [row for row in chosen if study.value(row, result.measure) is not None]
+    measured = [row for row in chosen if study.value(row, result.measure) is not None]
     levels = result.levels
     named = ", ".join(f"{name}: {level}" for name, level in levels.items())
     return Group(
         label=named if len(levels) > 1 or len(study.names) > 1 else next(iter(levels.values())),
-        values=[float(value) for value in study.values(known, result.measure)],
-        seeds=[_run(study, row) for row in known],
+        values=[float(value) for value in study.values(measured, result.measure)],
+        seeds=[_run(study, row) for row in measured],
         mean=result.mean,
     )
 

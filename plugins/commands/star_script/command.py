@@ -79,10 +79,10 @@ def run(options: Namespace, registry: Registry) -> int:
             raise InputError(text, "unwritable-file")
     for key, values in vars(options).items():
         if key.startswith("--") and values is not None:
-            found = registry.find("run_option", key.removeprefix("--"))
-            observer = guarded("option", found, found.offer.make, mission, registry, *values)
-            plugin = f"{found.source.plugin}:{key.removeprefix('--')}"
-            registry.add(observer, replace(found.source, plugin=plugin))
+            option = registry.find("run_option", key.removeprefix("--"))
+            observer = guarded("option", option, option.offer.make, mission, registry, *values)
+            plugin = f"{option.source.plugin}:{key.removeprefix('--')}"
+            registry.add(observer, replace(option.source, plugin=plugin))
     operator = Operator()
     with land_on_signals(operator):
         summary, failed = run_script(

@@ -176,7 +176,7 @@ class FileWatch:
 
     def __init__(self, files: Sequence[Path]) -> None:
         self._files = files
-        self._known = self._times()
+        self._last_times = self._times()
         self._due = 0.0  # s, of the next look
 
     def changed(self) -> bool:
@@ -186,9 +186,9 @@ class FileWatch:
             return False
         self._due = now + PERIOD
         times = self._times()
-        if times == self._known or None in times:  # while it is replaced it is missing
+        if times == self._last_times or None in times:  # while it is replaced it is missing
             return False
-        self._known = times
+        self._last_times = times
         return True
 
     def _times(self) -> list[int | None]:

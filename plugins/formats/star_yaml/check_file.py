@@ -82,10 +82,10 @@ def _mission(
 def _expected(mission: Mission, registry: Registry) -> Iterator[str]:
     """Yield what the plugins expect of the steps of a mission."""
     for action in actions(mission.all_steps):
-        found = registry.find("task", action.verb)
-        if (expects := found.offer.expects) is not None:
+        plugin = registry.find("task", action.verb)
+        if (expects := plugin.offer.expects) is not None:
             call = partial(expects, **action.options)
-            yield from guarded("task", found, call, mission.scene, action.rows)
+            yield from guarded("task", plugin, call, mission.scene, action.rows)
 
 
 def _steps(document: Document, registry: Registry) -> str:

@@ -45,12 +45,12 @@ class Forwarding:
         """Replace positions in (N, COLUMNS) reports by integrals of their velocities; in place."""
         now = report[:, [TIME, VX, VX + 1, VZ]]
         passed = now[:, 0] - self._last[:, 0]
-        known = np.isfinite(report[:, HEADING] + now.sum(axis=1))
-        new = known & (passed > 0)
+        finite = np.isfinite(report[:, HEADING] + now.sum(axis=1))
+        new = finite & (passed > 0)
         mean = 0.5 * (now[:, 1:] + self._last[:, 1:])
         self._path[new] += passed[new, None] * mean[new]
-        self._last = np.where((new | (known & np.isnan(passed)))[:, None], now, self._last)
-        report[known, QX : QZ + 1] = self._path[known]
+        self._last = np.where((new | (finite & np.isnan(passed)))[:, None], now, self._last)
+        report[finite, QX : QZ + 1] = self._path[finite]
 
     def corrections(self, now: float, fixes: PoseFixes, velocity: Array) -> Corrections:
         """Return what is due at `now`, s.

@@ -71,8 +71,8 @@ def _with_rate(rate: Array, setpoint: Setpoint) -> Array:
     """Return (N,) yaw rates with those of the trajectories that agents follow added, rad/s."""
     if setpoint.yaw_rate is None:
         return rate
-    known = np.where(setpoint.followed(), np.nan_to_num(setpoint.yaw_rate), 0.0)
-    sum_: Array = np.clip(rate + known, -MAX_YAW_RATE, MAX_YAW_RATE)
+    feedforward = np.where(setpoint.followed(), np.nan_to_num(setpoint.yaw_rate), 0.0)
+    sum_: Array = np.clip(rate + feedforward, -MAX_YAW_RATE, MAX_YAW_RATE)
     return sum_
 
 

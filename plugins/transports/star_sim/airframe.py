@@ -34,5 +34,5 @@ STEP = 0.002  # s, of the rigid body and of the attitude loop
 NEVER = 1 << 62  # number of a step that does not come
 STEPS_PER_CYCLE = 5  # the position loop, the commander and the estimator run once per cycle
 CYCLE = STEP * STEPS_PER_CYCLE  # s
-MOTOR_STEP = 1.0 - math.exp(-STEP / MOTOR_LAG)  # of the way to the wanted thrust, in one step
+MOTOR_STEP = 1.0 - math.exp(-STEP / MOTOR_LAG)  # of the way to the commanded thrust, in one step
 HOVER_THRUST = MASS * GRAVITY / 4  # N, of one motor

@@ -1,4 +1,4 @@
-"""The attitude loop: from the push that is wanted to the thrust of each motor, at 500 Hz.
+"""The attitude loop: from the commanded push to the thrust of each motor, at 500 Hz.
 
 Attitude and body rates are the true ones: the drift of a Flow deck is in position and yaw, while
 roll and pitch of the firmware's filter stay within 0.3°.
@@ -41,7 +41,7 @@ def mix(
 
     Args:
         lift: Wanted collective thrust along the body's z axis, N.
-        aside: y component in the body of the unit vector of the wanted push.
+        aside: y component in the body of the unit vector of the commanded push.
         ahead: Its x component.
         yaw_rate: Wanted, rad/s.
         rates: Body rates, rad/s.

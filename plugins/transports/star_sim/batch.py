@@ -12,10 +12,10 @@ LANES = 8
 X, Y, Z, VX, VY, VZ, QX, QY, QZ, QW, P, Q, R, F1, F2, F3, F4 = (LANES * k for k in range(17))
 VOLTAGE = LANES * 17
 
-# Input of the ideal controller: wanted force, its reciprocal norm, yaw rate, limit of a motor.
+# Input of the ideal controller: commanded force, its reciprocal norm, yaw rate, limit of a motor.
 PX, PY, PZ, SHARE, YAW_RATE, CEILING = (LANES * k for k in range(18, 24))
 
-# The firmware's controllers: wanted angles and thrust, believed angles, and how rates change them.
+# The firmware's controllers: commanded angles and thrust, believed ones, and how rates change them.
 TARGET_ROLL, TARGET_PITCH, TARGET_THRUST = (LANES * k for k in range(24, 27))
 ROLL, PITCH, YAW_ERROR, ROLL_SIN, ROLL_COS, PITCH_TAN = (LANES * k for k in range(27, 33))
 INTEGRAL = LANES * 33  # of roll, pitch and yaw, then of their three rates

@@ -25,7 +25,7 @@ CASCADE = np.dtype(
         ("target_tilt", "f8", 2),  # rad, roll and pitch (nose down positive)
         ("thrust", "f8"),  # command, of 65535 for each motor
         ("angles", "f8", 2),  # rad, believed roll and pitch
-        ("yaw_error", "f8"),  # rad, wanted less believed heading
+        ("yaw_error", "f8"),  # rad, commanded less believed heading
         # Integrals: of position, m s; of velocity ahead, aside and up, m; of the attitude, rad s;
         # and of the body rates, rad.
         ("position_integral", "f8", 3),

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 LEVEL_AFTER = 0.5  # s without a setpoint
 LOCK_AFTER = 2.0  # s without a setpoint
-MOST_TURN = 1.5  # rad, by which the yaw that is wanted may run ahead of the drone
+MOST_TURN = 1.5  # rad, by which the commanded yaw may run ahead of the drone
 
 # The last four coefficients of a polynomial of order 7 on [0, 1], from what its end lacks in
 # value, slope, curvature and third derivative when the first four are given.

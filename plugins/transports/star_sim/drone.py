@@ -93,11 +93,11 @@ DRONE = np.dtype(
         # A demand, in addition to the references above.
         ("axes", "i8", 3),  # FREE, SPEED or POSITION along x, y and z; x and y FREE hold the tilt
         ("tilt", "f8", 2),  # rad, roll and pitch (nose down positive)
-        ("tilt_rate", "f8", 2),  # rad/s, at which the tilt that is wanted changes
+        ("tilt_rate", "f8", 2),  # rad/s, at which the commanded tilt changes
         ("lift", "f8"),  # N, thrust of all motors where z is FREE
         ("heading", "f8", 2),  # m/s ahead and aside, where `in_body`
         ("in_body", "i8"),  # whether the horizontal velocity turns with the drone
-        ("turn_rate", "f8"),  # rad/s, at which the yaw that is wanted changes
+        ("turn_rate", "f8"),  # rad/s, at which the commanded yaw changes
         # Faults: shares of what works, 1 without.
         ("motor_share", "f8", 4),  # of each motor's thrust
         ("flow_share", "f8"),  # of the flow sensor's correction

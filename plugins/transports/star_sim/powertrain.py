@@ -40,7 +40,7 @@ FULL = 65535.0  # greatest PWM; also the unit of thrust commands
 # V, V/N, ...: the inverse of FIRMWARE_THRUST within 0.12 V up to 0.3 N, to start Newton's method.
 _START = (0.2933292, 39.3776976, -162.510797, 257.239973)
 
-_LAG_STEP = 1.0 - math.exp(-STEP / MOTOR_LAG)  # of the way to the wanted thrust, in one step
+_LAG_STEP = 1.0 - math.exp(-STEP / MOTOR_LAG)  # of the way to the commanded thrust, in one step
 
 
 @subroutine

@@ -183,12 +183,12 @@ def _first(path: Location, faults: Mapping[str, tuple[str, str]]) -> Problem:
     return Problem(path, named + (f" (also {', '.join(also)})" if also else ""), code)
 
 
-def held(offer: TaskSpec, given: Mapping[str, Any]) -> tuple[tuple[str, Any], ...]:
+def held(offer: TaskSpec, options: Mapping[str, Any]) -> tuple[tuple[str, Any], ...]:
     """Return the options that identify the resource that a step holds, with their values."""
     exclusive = offer.exclusive
-    if exclusive is None or exclusive.unless in given:
+    if exclusive is None or exclusive.unless in options:
         return ()
     properties = offer.options.get("properties", {})
     return tuple(
-        (name, given.get(name, properties[name].get("default"))) for name in exclusive.options
+        (name, options.get(name, properties[name].get("default"))) for name in exclusive.options
     )

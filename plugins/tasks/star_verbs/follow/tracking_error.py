@@ -51,15 +51,15 @@ def tracking_error(
     acceleration = path.acceleration(time)[0] / timescale**2
     lead, every = VelocityLead(1, period), max(1, round(period / STEP))
     position, speed, tilt = point[0].copy(), np.zeros(3), np.zeros(3)
-    wanted, errors = np.zeros(3), np.empty(len(time))
+    commanded, errors = np.zeros(3), np.empty(len(time))
     for i in range(len(time)):
         away = point[i] - position
         errors[i] = math.hypot(away[0], away[1])
         if on_board:
-            wanted = np.clip(POSITION_GAIN * away, -MAX_SPEED, MAX_SPEED)
+            commanded = np.clip(POSITION_GAIN * away, -MAX_SPEED, MAX_SPEED)
         elif i % every == 0:
-            wanted = _sent(lead, point[i], velocity[i] + TRACKING_GAIN * away, acceleration[i])
-        more = VELOCITY_GAIN * (wanted - speed)
+            commanded = _sent(lead, point[i], velocity[i] + TRACKING_GAIN * away, acceleration[i])
+        more = VELOCITY_GAIN * (commanded - speed)
         more *= min(1.0, MAX_ACCELERATION / max(1e-9, math.hypot(more[0], more[1])))
         tilt += STEP / TILT_LAG * (more - tilt)
         position += STEP * (speed + STEP / 2 * tilt)
