@@ -238,7 +238,7 @@ def test_plugins_with_wrong_signatures_are_reported_with_line(hop: Path) -> None
     )
     short = SimpleNamespace(avoid=lambda estimate: estimate)
     assert of(lambda _scene: short).startswith(
-        f"{whose}: avoid(estimate) cannot be called as avoid(estimate, wanted): too many "
+        f"{whose}: avoid(estimate) cannot be called as avoid(estimate, planned): too many "
         f"positional arguments {here}"
     )
 

@@ -88,7 +88,7 @@ def test_methods_with_wrong_arguments_are_reported_with_the_line() -> None:
         def avoid(self, estimate: Estimate) -> None: ...
 
     assert refused(require_methods, Short(), Avoider) == (
-        "avoid(estimate) cannot be called as avoid(estimate, wanted): "
+        "avoid(estimate) cannot be called as avoid(estimate, planned): "
         f"too many positional arguments ({line_of(Short.avoid)}) [contract-broken]"
     )
 
