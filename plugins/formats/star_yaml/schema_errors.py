@@ -13,21 +13,11 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 from star_core.commands import PIPELINE_KINDS
 from star_core.toolkit import suggestion
 from star_yaml.document import Location
-from star_yaml.error_messages import (
-    CODES,
-    Breach,
-    general,
-    nearest,
-    reason,
-    short_flow,
-    show,
-    what,
-)
+from star_yaml.error_messages import CODES, Breach, hint_to_write, message, show, what
 
 if TYPE_CHECKING:
     from jsonschema import ValidationError
 
-_MEANT: Final = {"agents": "swarm", "drones": "swarm", "robots": "swarm", "steps": "mission"}
 _STEPS: Final = {"mission": 2, "on": 4}  # lengths of the paths to steps
 _NESTED: Final = (("repeat", "steps"), ("each", "steps"), ("if", "then"), ("if", "else"))
 """Where steps stand inside of a step."""
@@ -53,15 +43,15 @@ class Fault(NamedTuple):
 
 def explain(errors: Iterable[ValidationError], data: Any) -> Iterator[Fault]:
     """Yield what is wrong with `data`, one fault for each mistake."""
-    breaches = [Breach.of(error) for error in errors]
+    breaches = [Breach(error) for error in errors]
     mistyped = {breach.path for breach in breaches if breach.keyword == "type"}
     beside = {breach.path: _beside(breach) for breach in breaches if _is_step(breach.path)}
     for breach in breaches:
         if options := beside.get(breach.path):  # what else is wrong with this step follows from it
-            verb = next(key for key in breach.value if key in breach.possible_keys)
+            verb = next(key for key in breach.value if key in breach.properties)
             for key in options:
-                message = f"option {key!r} stands beside its verb {verb!r}; indent it further"
-                yield Fault((*breach.path, key), message, "misplaced-key", key=True)
+                text = f"option {key!r} stands beside its verb {verb!r}; indent it further"
+                yield Fault((*breach.path, key), text, "misplaced-key", key=True)
         elif beside.get(breach.path[:-1]) and (
             breach.value is None or breach.keyword == "required"
         ):
@@ -73,28 +63,25 @@ def explain(errors: Iterable[ValidationError], data: Any) -> Iterator[Fault]:
 def _explain(breach: Breach, data: Any) -> Iterator[Fault]:
     path, keyword, value = breach.path, breach.keyword, breach.value
     if breach.is_key:
-        message = f"{show(value)} cannot be a name here: {reason(breach)}"
-        yield Fault((*path, value), _about(path, data, message), "invalid-name", key=True)
+        text = f"{show(value)} cannot be a name here: {breach.reason}"
+        yield Fault((*path, value), _about(path, data, text), "invalid-name", key=True)
     elif keyword == "additionalProperties":
-        yield from (_unknown(breach, key, data) for key in _unmatched(breach))
+        patterns = breach.rules.get("patternProperties", {})
+        for key in value:
+            if key not in breach.properties and not any(re.search(p, key) for p in patterns):
+                yield _unknown(breach, key, data)
     elif keyword == "required":
         for name in breach.operand:
             if name not in value:
-                message = _about(path, data, _missing(name, breach))
-                yield Fault(path, message, "missing-option", key=True, lacks=True)
-    elif (alternative := nearest(breach)) is not None:
-        yield from _explain(alternative, data)
-    elif keyword == "type" and "errorMessage" in breach.rules:
-        whole = path[:-1] if isinstance(path[-1], int) else path  # what is so of every item
-        yield Fault(whole, _about(whole, data, breach.rules["errorMessage"]), "wrong-type")
+                text = _about(path, data, _missing(name, breach))
+                yield Fault(path, text, "missing-option", key=True, lacks=True)
     elif specific := _specific(breach):
         yield Fault(path, *specific)
     else:
-        code = CODES.get(keyword, "invalid-option")
-        yield Fault(path, _about(path, data, general(breach), value), code)
-
-
-# What only missions have
+        if keyword == "type" and "errorMessage" in breach.rules and isinstance(path[-1], int):
+            path = path[:-1]  # what is so of every item
+        text = _about(path, data, message(breach), value)
+        yield Fault(path, text, CODES.get(keyword, "invalid-option"))
 
 
 def _step_in(path: Location) -> Location:
@@ -115,8 +102,8 @@ def _is_step(path: Location) -> bool:
     return bool(path) and _step_in(path) == path
 
 
-def _about(path: Location, data: Any, message: str, value: Any = None) -> str:
-    """Put in front of `message` what it is about: ``avoider 'orca': radius: ...``."""
+def _about(path: Location, data: Any, text: str, value: Any = None) -> str:
+    """Put in front of `text` what it is about: ``avoider 'orca': radius: ...``."""
     subject: list[str] = []
     if step := _step_in(path):
         path = path[len(step) :]
@@ -126,62 +113,42 @@ def _about(path: Location, data: Any, message: str, value: Any = None) -> str:
     if path and isinstance(path[-1], int) and not isinstance(value, list | dict):
         path = path[:-1]  # the location shows which item it is
     dotted = [".".join(str(name) for name in path)] if path else []
-    return ": ".join([*subject, *dotted, message])
+    return ": ".join([*subject, *dotted, text])
 
 
 def _noun(path: Location) -> str:
+    if _is_step(path):
+        return "verb"
     return "option" if _step_in(path) or (path and path[0] in PIPELINE_KINDS) else "key"
 
 
 def _missing(name: str, breach: Breach) -> str:
-    path = breach.path
-    if path and path[0] in PIPELINE_KINDS and name == "use":
-        return "missing key 'use'; write {use: name of a plugin, ...}"
-    if not path and name == "star":
-        return "missing key 'star'; write `star: 1` first"
-    installed = (
-        breach.possible_keys.get(name, {}).get("examples", ()) if name in PIPELINE_KINDS else ()
-    )
-    hint = f"; installed: {', '.join(map(str, installed))}" if installed else ""
-    return f"missing {_noun(path)} {name!r}{hint}"
-
-
-def _unmatched(breach: Breach) -> Iterator[str]:
-    """Yield the keys that are not known."""
-    patterns = breach.rules.get("patternProperties", {})
-    for key in breach.value:
-        if key not in breach.possible_keys and not any(
-            re.search(pattern, key) for pattern in patterns
-        ):
-            yield key
+    hint = ""
+    if name in PIPELINE_KINDS:
+        hint = f"; installed: {', '.join(breach.properties[name]['examples'])}"
+    elif (name, breach.path) == ("star", ()):
+        hint = "; write `star: 1` first"
+    return f"missing {_noun(breach.path)} {name!r}{hint}"
 
 
 def _unknown(breach: Breach, key: str, data: Any) -> Fault:
     """Return the fault of a key that is not known."""
-    path, possible = breach.path, breach.possible_keys
-    word, colon, _ = re.sub(r" *[{\[]", ":", key).partition(":")
-    split = f"; put a space after the colon of {word!r}" if key[len(word) :][:1] == ":" else ""
-    split = split or f"; put a colon after {word!r}"
-    if _is_step(path):
-        hint = split if colon and word in possible else suggestion(key, possible, "expected one of")
-        return Fault((*path, key), f"unknown verb {show(key)}{hint}", "unknown-verb", key=True)
-    names = [name for name in possible if name != "use"]
-    free = [name for name in names if name not in breach.value]
-    if colon and word in possible:
-        hint = split
-    elif not path and _MEANT.get(key) in free:
-        hint = f"; did you mean {_MEANT[key]!r}?"
-    elif not names:
-        hint = "; there is none"
+    names = [name for name in breach.properties if name != "use"]
+    word = re.split(r":| *[\[{]", key)[0]
+    if word != key and word in names:
+        hint = f"; write `{word}: ...`, with a colon and a space"
     else:
+        free = [name for name in names if name not in breach.value]
         hint = suggestion(key, free) or suggestion(key, names, "expected one of")
-    message = _about(path, data, f"unknown {_noun(path)} {show(key)}{hint}")
-    return Fault((*path, key), message, "unknown-option", key=True)
+    noun = _noun(breach.path)
+    text = _about(breach.path, data, f"unknown {noun} {show(key)}{hint}")
+    code = "unknown-verb" if noun == "verb" else "unknown-option"
+    return Fault((*breach.path, key), text, code, key=True)
 
 
 def _beside(breach: Breach) -> list[str]:
     """Return the keys of a step that are options of its only verb and should stand inside it."""
-    value, possible = breach.value, breach.possible_keys
+    value, possible = breach.value, breach.properties
     verbs = [key for key in value if key in possible] if isinstance(value, dict) else []
     if len(verbs) != 1:
         return []
@@ -192,78 +159,48 @@ def _beside(breach: Breach) -> list[str]:
 
 def _specific(breach: Breach) -> tuple[str, str] | None:
     """Return what is wrong with what only missions have, and its code; None for anything else."""
-    path, keyword = breach.path, breach.keyword
+    path, keyword, value = breach.path, breach.keyword, breach.value
     if _is_step(path):
-        return _no_step(breach), "invalid-step"
-    if keyword == "type" and _is_step(path[:-1]) and breach.value is None:
-        return _empty_verb(breach), "invalid-step"
-    if keyword == "type" and _is_step(path[:-1]) and breach.operand == "object":
+        return _no_step(value), "invalid-step"
+    if keyword == "type" and _is_step(path[:-1]) and (value is None or breach.operand == "object"):
         return _no_options(breach), "invalid-step"
-    if (
-        keyword in {"enum", "type"}
-        and path[:1]
-        and path[0] in PIPELINE_KINDS
-        and path[1:] in {(), ("use",)}
-    ):
-        return _choice(breach)
+    if keyword in {"enum", "type"} and path[:1] and path[0] in PIPELINE_KINDS:
+        return _choice(breach) if path[1:] in {(), ("use",)} else None
     if keyword == "const" and path == ("star",):
-        text = f"this version reads `star: {breach.operand}`, this file is of {show(breach.value)}"
+        text = f"this version reads `star: {breach.operand}`, this file is of {show(value)}"
         return text, "unsupported-version"
     return None
 
 
-def _no_step(breach: Breach) -> str:
+def _no_step(value: Any) -> str:
     """Return why something is no step."""
-    value, possible = breach.value, breach.possible_keys
-    if value is None:
-        return "an empty step, expected a verb such as `land: {}`"
-    if value == {}:
-        return (
-            f"a step has one verb, this one has none{suggestion('', possible, 'expected one of')}"
-        )
-    if isinstance(value, dict):
-        named = ", ".join(show(verb) for verb in value)
-        return (
-            f"a step has one verb, this one has {len(value)}: {named}; write each as its own step"
-        )
-    if isinstance(value, str) and value in possible:
-        return f"a step is a map; write it `{value}: {{}}`"
-    meant = suggestion(value, possible) if isinstance(value, str) else ""
-    return f"{what(value)}, expected a step such as `land: {{}}`{meant}"
-
-
-def _empty_verb(breach: Breach) -> str:
-    """Return what should follow a verb."""
-    verb = breach.path[-1]
-    if breach.operand == "array":
-        return f"{verb}: nothing follows, expected a list of steps"
-    needs = ", ".join(f"{name}: ..." for name in breach.rules.get("required", ()))
-    return f"{verb}: nothing follows; write it `{verb}: {{{needs}}}`"
+    if not isinstance(value, dict):
+        return f"{what(value)}, expected a step such as `land: {{}}`"
+    verbs = f"{len(value)}: {', '.join(map(show, value))}" if value else "none"
+    return f"a step has one verb, this one has {verbs}; write each as its own step"
 
 
 def _no_options(breach: Breach) -> str:
     """Return what should follow a verb in place of a value: the option that it may be for."""
     verb, value = breach.path[-1], breach.value
-    example: Mapping[str, Any] = next(iter(breach.rules.get("examples", ())), {})
+    if breach.operand == "array":
+        return f"{verb}: {what(value)}, expected a list of steps"
+    needs = dict.fromkeys(breach.rules.get("required", ()), "...")
+    example: Mapping[str, Any] = next(iter(breach.rules.get("examples", ())), needs)
     option = next(iter(example), "")
-    if type(example.get(option)) is type(value):
+    if option and type(example[option]) is type(value):
         example = {option: value}
-    message = f"{verb}: {what(value)}, expected a map"
-    return f"{message}; write it `{verb}: {text}`" if (text := short_flow(example)) else message
+    return f"{verb}: {what(value)}, expected a map{hint_to_write(example, f'{verb}: ')}"
 
 
 def _choice(breach: Breach) -> tuple[str, str]:
     """Return what is wrong with the choice of a plugin, and its code."""
     kind, value = breach.path[0], breach.value
-    if breach.keyword == "enum" and isinstance(value, str):
+    if not isinstance(value, str):
+        return f"{kind}: {what(value)}, expected a name or {{use: name, ...}}", "wrong-type"
+    if breach.keyword == "enum":
         hint = suggestion(value, breach.operand, "installed") or "; none is installed"
         return f"no {kind} named {show(value)}{hint}", "unknown-plugin"
-    if breach.keyword == "enum":
-        text = f"{kind}: {what(value)}, expected a name{suggestion('', breach.operand)}"
-    elif isinstance(value, str):
-        needs = ", ".join(f"{name}: ..." for name in breach.rules.get("required", ()))
-        text = f"{kind} {value!r} has options that must be given; write {{use: {value}, {needs}}}"
-        return text, "missing-option"
-    else:
-        text = f"{kind}: {what(value)}, expected a name or {{use: name, ...}}"
-    return text, "wrong-type"
+    needs = ", ".join(f"{name}: ..." for name in breach.rules.get("required", ()))
+    text = f"{kind} {value!r} has options that must be given"
+    return f"{text}; write {{use: {value}, {needs}}}", "missing-option"
