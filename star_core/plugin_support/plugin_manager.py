@@ -6,8 +6,8 @@ from collections.abc import Callable, Generator, Iterator
 from contextlib import AbstractContextManager, suppress
 from functools import wraps
 from inspect import isgeneratorfunction
-from types import ModuleType
-from typing import Any, TypeAlias
+from types import FunctionType, MethodType, ModuleType
+from typing import Any, Final, TypeAlias
 
 import pluggy
 
@@ -20,6 +20,9 @@ that suppresses an exception leaves the call without a result, and a wrapper wit
 
 Check: TypeAlias = Callable[[str, str, Any], Any]
 """Returns the checked result of a plugin's implementation of a hook; called in the guard."""
+
+FUNCTIONS: Final = (FunctionType, MethodType, classmethod, staticmethod)
+"""What can implement a hook in a module."""
 
 
 class PluginManager(pluggy.PluginManager):
@@ -70,6 +73,12 @@ class PluginManager(pluggy.PluginManager):
             raise
         self.plugins[name] = plugin
         return name
+
+    def parse_hookimpl_opts(self, plugin: object, name: str) -> pluggy.HookimplOpts | None:
+        """Return the options of an implementation: for a module quicker than pluggy does."""
+        if type(plugin) is ModuleType and not isinstance(vars(plugin).get(name), FUNCTIONS):
+            return None
+        return super().parse_hookimpl_opts(plugin, name)
 
     def remove(self, name: str) -> None:
         """Unregister a plugin; it is not called any more, also where a hook is being called."""

@@ -7,7 +7,8 @@ position in the map, m.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from functools import lru_cache
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -148,8 +149,17 @@ def optics(camera: Camera) -> Optics:
 
 
 def rays(camera: Camera) -> Array:
-    """Return (2, height, width): x and y of the pixels' directions (x, y, 1), camera frame."""
-    v, u = np.indices((camera.height, camera.width))
+    """Return (2, height, width): x and y of the pixels' directions (x, y, 1), camera frame.
+
+    Cameras with the same intrinsics share the array.
+    """
+    return _rays(camera.width, camera.height, tuple(camera.matrix), tuple(camera.distortion))
+
+
+@lru_cache(maxsize=8)
+def _rays(width: int, height: int, matrix: Any, distortion: Any) -> Array:
+    camera = Camera(width=width, height=height, matrix=matrix, distortion=distortion)
+    v, u = np.indices((height, width))
     table = CameraModel(camera).undistort(np.stack([u, v], axis=-1), clip=True)
     return np.ascontiguousarray(np.moveaxis(table, -1, 0))
 

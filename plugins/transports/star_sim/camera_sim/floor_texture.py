@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -36,8 +37,9 @@ class Floor(NamedTuple):
     starts: Rows  # (L,) index of each level's first texel
 
 
+@lru_cache(maxsize=8)
 def floor(seed: int) -> Floor:
-    """Return the floor of a seed, for any number of cameras."""
+    """Return the floor of a seed, for any number of cameras and flights."""
     rng = np.random.default_rng([seed, _STREAM])
     frequency = np.hypot(np.fft.fftfreq(SIDE)[:, None], np.fft.rfftfreq(SIDE))
     frequency[0, 0] = np.inf
