@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import cv2
 import numpy as np
 from printed import command_line, show
-from small_tags import photographs, scenes
+from small_tags import CONDITIONS, photographs, scenes
 
 from star_apriltag.vision.body_pose import Motion, Prediction
 from star_apriltag.vision.detector import Detector
@@ -76,11 +76,16 @@ class Score:
 
 def main() -> None:
     """Print a table, or with ``--json`` one object."""
-    parser = command_line(__doc__, images=200, scenes=6)
+    parser = command_line(__doc__, images=200, scenes=6, tags=25)
     parser.add_argument("photos", nargs="?", type=Path, help="a folder of photographs")
+    parser.add_argument(
+        "--conditions", nargs="+", choices=[*CONDITIONS], default=[*CONDITIONS], help="of scenes"
+    )
     options = parser.parse_args()
     cv2.setNumThreads(1)
-    figures = compare(list(cases(options.images))) | scenes(options.scenes)
+    figures = compare(list(cases(options.images))) | scenes(
+        options.scenes, options.tags, options.conditions
+    )
     if options.photos is not None:
         figures |= photographs(options.photos)
     show(figures, as_json=options.json)

@@ -31,6 +31,8 @@ SCENARIOS = {
     "crossing": ((-1.0, 1.0, 0.4), (1.0, -1.0, 0.4)),
     "overtaking": ((-0.6, 0.6, 0.2), (-1.2, 1.2, 0.35)),
 }
+REST = 12.0  # s, from the take-off until they set out
+AVOIDERS = ("orca", "none")
 SEPARATIONS = {"sphere": 0.2, "ellipsoid": 0.6}  # m in height
 
 
@@ -76,7 +78,9 @@ def mission(scenario: str, seed: int) -> dict[str, Any]:
         "star": 1, "name": scenario, "world": "hall.yaml", "swarm": swarm,
         "transport": {"use": "sim", "noise": False, "controller": "pid"},
         "localizer": "flow", "planner": "straight", "avoider": "orca", "collisions": "record",
-        "mission": [{"parallel": climbs}, {"hold": {"for": 12}}, {"parallel": moves}, {"land": {}}],
+        "mission": [
+            {"parallel": climbs}, {"hold": {"for": REST}}, {"parallel": moves}, {"land": {}},
+        ],
     }  # fmt: skip
 
 
@@ -100,21 +104,21 @@ def flown(path: Path, changes: list[str]) -> dict[str, float]:
 
 def figures(flights: Sequence[Mapping[str, float]]) -> dict[str, float]:
     """Return the means over flights; of worst dips the greatest, of distances the least."""
-    found = {name: float(np.mean([one[name] for one in flights])) for name in flights[0]}
-    found["worst_dip_m"] = max(one["worst_dip_m"] for one in flights)
-    found["closest_m"] = min(one["closest_m"] for one in flights)
-    return found
+    means = {name: float(np.mean([flight[name] for flight in flights])) for name in flights[0]}
+    worst_dip = max(flight["worst_dip_m"] for flight in flights)
+    closest = min(flight["closest_m"] for flight in flights)
+    return means | {"worst_dip_m": worst_dip, "closest_m": closest}
 
 
 def main() -> None:
     """Print a table, or with ``--json`` one object."""
     arguments = command_line(__doc__, seeds=10, first=0).parse_args()
-    found = {}
+    table = {}
     with tempfile.TemporaryDirectory() as folder:
         (Path(folder) / "hall.yaml").write_text(WORLD)
         seeds = range(arguments.first, arguments.first + arguments.seeds)
         for scenario, avoider, shape, air in product(
-            SCENARIOS, ("orca", "none"), SEPARATIONS, (False, True)
+            SCENARIOS, AVOIDERS, SEPARATIONS, (False, True)
         ):
             changes = [
                 f"avoider={avoider}",
@@ -128,11 +132,11 @@ def main() -> None:
                 path.write_text(json.dumps(mission(scenario, seed)))
                 flights.append(flown(path, changes))
             name = f"{scenario}, {avoider}, {shape}, {'' if air else 'no '}downwash"
-            found[name] = figures(flights)
+            table[name] = figures(flights)
             if not arguments.json:
-                print(f"{name:40}", *(f"{k}={v:.3g}" for k, v in found[name].items()), flush=True)
+                print(f"{name:40}", *(f"{k}={v:.3g}" for k, v in table[name].items()), flush=True)
     if arguments.json:
-        print(json.dumps(found))
+        print(json.dumps(table))
 
 
 if __name__ == "__main__":

@@ -12,7 +12,8 @@ import math
 import resource
 import statistics
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from functools import wraps
 from pathlib import Path
 from typing import Any
@@ -31,7 +32,7 @@ from star_sim.camera_sim.geometric import OnboardDetector
 
 MISSIONS = Path(__file__).parents[1] / "missions"
 MINUTES = 20.0
-CHANGES: tuple[str, ...] = ()  # of all missions
+CHANGES: Mapping[str, tuple[str, ...]] = {}  # of missions
 TICK = 0.05  # s
 RADIUS, SPEED = 1.97, 0.28  # m and m/s: the paper's circle
 
@@ -46,14 +47,16 @@ def main() -> None:
 
 def frames() -> dict[str, float]:
     """From image to pose, where a tag was found; guided matching, a tag; the floor without tags."""
-    took = timed(FilterEstimator, "add_image", with_tags)
-    worked = timed(FilterEstimator, "add_image", with_tags, time.process_time)
-    matching = timed(image_analysis, "match_tag")
-    measuring = timed(FloorOdometry, "measure", lambda answer: answer is not None)
-    flown("paper_box.yaml", "localizer={use: apriltag, processes: 0}")
-    ordered, cpu = sorted(took), sorted(worked)
-    theirs = timed(BatchEstimator, "_optimize")
-    flown("paper_box.yaml", "localizer={use: apriltag, method: batch, processes: 0}")
+    with (
+        timed(FilterEstimator, "add_image", with_tags) as took,
+        timed(FilterEstimator, "add_image", with_tags, time.process_time) as worked,
+        timed(image_analysis, "match_tag") as matching,
+        timed(FloorOdometry, "measure", lambda answer: answer is not None) as measuring,
+    ):
+        flown("paper_box.yaml", "localizer={use: apriltag, processes: 0}")
+        ordered, cpu = sorted(took), sorted(worked)
+        with timed(BatchEstimator, "_optimize") as theirs:
+            flown("paper_box.yaml", "localizer={use: apriltag, method: batch, processes: 0}")
     return {
         "frame_ms_median": 1000 * statistics.median(ordered),
         "frame_ms_p95": 1000 * ordered[int(0.95 * len(ordered))],
@@ -88,19 +91,19 @@ def growth() -> dict[str, float]:
         floor_odometry=True,
     )
     follower = FilterEstimator(agent, scene.world.landmarks, (), settings)
-    took = timed(JointFilter, "update")
     rng = np.random.default_rng(0)
     before = 0
-    for tick in range(int(MINUTES * 60 / TICK)):
-        times = tick * TICK + np.arange(1, 6) * TICK / 5
-        follower.add_odometry(odometry(times, rng), np.arange(5), motors=True)
-        if tick % 2 == 0:
-            taken = float(times[0])
-            tags, corners = detector.detect(shot(taken), rng)
-            follower.add_image(CameraReport(0, taken, None, tags, corners))
-        follower.advance(float(times[-1]))
-        if tick == int(60 / TICK):  # all is loaded, and the track is not full yet
-            before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    with timed(JointFilter, "update") as took:
+        for tick in range(int(MINUTES * 60 / TICK)):
+            times = tick * TICK + np.arange(1, 6) * TICK / 5
+            follower.add_odometry(odometry(times, rng), np.arange(5), motors=True)
+            if tick % 2 == 0:
+                taken = float(times[0])
+                tags, corners = detector.detect(shot(taken), rng)
+                follower.add_image(CameraReport(0, taken, None, tags, corners))
+            follower.advance(float(times[-1]))
+            if tick == int(60 / TICK):  # all is loaded, and the track is not full yet
+                before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     after = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     tenth = len(took) // 10
     first, last = statistics.median(took[:tenth]), statistics.median(took[-tenth:])
@@ -144,18 +147,21 @@ def odometry(times: Array, rng: np.random.Generator) -> Odometry:
 def flown(mission: str, *changes: str) -> dict[str, Any]:
     """Fly a mission and return its summary."""
     registry = Registry()
-    summary = fly(load(MISSIONS / mission, registry, [*changes, *CHANGES]), registry)
+    summary = fly(
+        load(MISSIONS / mission, registry, [*changes, *CHANGES.get(mission, ())]), registry
+    )
     assert summary["outcome"] == "completed", summary["reason"]
     return summary
 
 
+@contextmanager
 def timed(
     owner: Any,
     method: str,
     counts: Callable[[Any], bool] = lambda _answer: True,
     clock: Callable[[], float] = time.perf_counter,
-) -> list[float]:
-    """Time every further call of a function whose answer counts; the list fills as it goes."""
+) -> Iterator[list[float]]:
+    """Time the calls of a function whose answers count; the list fills as it goes."""
     took: list[float] = []
     inner = getattr(owner, method)
 
@@ -168,7 +174,10 @@ def timed(
         return answer
 
     setattr(owner, method, outer)
-    return took
+    try:
+        yield took
+    finally:
+        setattr(owner, method, inner)
 
 
 if __name__ == "__main__":

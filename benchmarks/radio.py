@@ -38,17 +38,18 @@ from star_sim import ideal_world
 MANY, FEW = 30, 10  # drones to connect, drones to steer
 ROUNDS = 3
 TICKS = 600  # half a minute at 20 Hz
+GUARDIAN = True  # whether it has the links in a process of its own, the default
 HANGS = 20.0  # s
 DEAD = "udp://127.0.0.1:9"  # no drone answers there
 
 
-def serve(n: int, told: Connection) -> None:
-    """Serve `n` drones until told to stop; runs in a process of its own."""
+def serve(n: int, pipe: Connection) -> None:
+    """Serve `n` drones until something is received; runs in a process of its own."""
     from star_fleet.server import Fleet
 
     with Fleet(scene(n), port=0, **ideal_world(noise=False, speed=1.0)) as fleet:
-        told.send(fleet.addresses)
-        told.recv()
+        pipe.send(fleet.addresses)
+        pipe.recv()
 
 
 class Drones:
@@ -56,10 +57,10 @@ class Drones:
 
     def __init__(self, n: int) -> None:
         context = multiprocessing.get_context("spawn")
-        self._told, theirs = context.Pipe()
+        self._pipe, theirs = context.Pipe()
         self._process = context.Process(target=serve, args=(n, theirs), daemon=True)
         self._process.start()
-        self.uris: list[str] = self._told.recv()
+        self.uris: list[str] = self._pipe.recv()
 
     def scene(self, *, dead: int = 0) -> Scene:
         """Their scene; the last `dead` of them have an address without a drone."""
@@ -73,22 +74,23 @@ class Drones:
 
     def close(self) -> None:
         """End the process."""
-        self._told.send("end")
+        self._pipe.send("end")
         self._process.join()
 
 
 def connected(room: Scene, cache: Path, **options: Any) -> tuple[float, str]:
-    """Return how long it takes to connect, s, and what is said against it."""
-    radio = star_radio.make(room, **fill_defaults({"cache": str(cache), **options}, OPTIONS))
+    """Return how long it takes to connect, s, and why it fails."""
+    own = {"cache": str(cache), "guardian": GUARDIAN}
+    radio = star_radio.make(room, **fill_defaults(own | options, OPTIONS))
     begun = time.perf_counter()
-    said = ""
+    failure = ""
     try:
         radio.connect()
     except PluginError as error:
-        said = str(error)
+        failure = str(error)
     took = time.perf_counter() - begun
     radio.close()
-    return took, said
+    return took, failure
 
 
 def connected_by_cflib(uris: list[str], cache: Path) -> float:
@@ -106,23 +108,23 @@ def connected_by_cflib(uris: list[str], cache: Path) -> float:
 
 def connecting(drones: Drones) -> dict[str, float]:
     """Return medians of the time to connect all drones, s, and the ratios of cflib's to ours."""
-    found: dict[str, list[float]] = {}
+    times: dict[str, list[float]] = {}
     for _ in range(ROUNDS):
         with TemporaryDirectory() as ours, TemporaryDirectory() as theirs:
             for what in ("cold", "cached"):
-                took, said = connected(drones.scene(), Path(ours))
-                if said:
-                    raise SystemExit(said)
-                found.setdefault(f"connect_{what}_s", []).append(took)
+                took, failure = connected(drones.scene(), Path(ours))
+                if failure:
+                    raise SystemExit(failure)
+                times.setdefault(f"connect_{what}_s", []).append(took)
                 took = connected_by_cflib(drones.uris, Path(theirs))
-                found.setdefault(f"connect_{what}_cflib_s", []).append(took)
-            took, said = connected(drones.scene(dead=1), Path(ours))
-            if f"cf{MANY} (" not in said:
-                raise SystemExit(f"the dead drone is not named: {said!r}")
-            found.setdefault("dead_named_s", []).append(took)
-            took, _said = connected(drones.scene(dead=1), Path(ours), absent="fly-without")
-            found.setdefault("connect_without_s", []).append(took)
-    figures = {name: statistics.median(times) for name, times in found.items()}
+                times.setdefault(f"connect_{what}_cflib_s", []).append(took)
+            took, failure = connected(drones.scene(dead=1), Path(ours))
+            if f"cf{MANY} (" not in failure:
+                raise SystemExit(f"the dead drone is not named: {failure!r}")
+            times.setdefault("dead_named_s", []).append(took)
+            took, _ = connected(drones.scene(dead=1), Path(ours), absent="fly-without")
+            times.setdefault("connect_without_s", []).append(took)
+    figures = {name: statistics.median(values) for name, values in times.items()}
     for what in ("cold", "cached"):
         ours_s, theirs_s = figures[f"connect_{what}_s"], figures[f"connect_{what}_cflib_s"]
         figures[f"connect_{what}_ratio"] = theirs_s / ours_s
@@ -134,7 +136,8 @@ def steering(drones: Drones) -> dict[str, float]:
     room = drones.scene()
     n = len(room.agents)
     with TemporaryDirectory() as cache:
-        radio = star_radio.make(room, **fill_defaults({"cache": cache}, OPTIONS))
+        options = fill_defaults({"cache": cache, "guardian": GUARDIAN}, OPTIONS)
+        radio = star_radio.make(room, **options)
         radio.connect()
         still = Setpoint(np.zeros((n, 3)), np.zeros(n), np.ones(n, np.bool_))
         asleep = Sleeper(room.period)
@@ -169,30 +172,30 @@ class Sleeper:
 
     def __init__(self, period: float) -> None:
         context = multiprocessing.get_context("spawn")
-        self._told, theirs = context.Pipe()
+        self._pipe, theirs = context.Pipe()
         context.Process(target=sleeping, args=(period, TICKS, theirs), daemon=True).start()
-        self._told.recv()
+        self._pipe.recv()
 
     def late(self) -> list[float]:
         """Return how late each tick was, ms."""
-        found: list[float] = self._told.recv()
-        return found
+        late: list[float] = self._pipe.recv()
+        return late
 
 
-def sleeping(period: float, ticks: int, told: Connection) -> None:
-    """Tell how late a loop is that only sleeps, ms."""
-    told.send("begun")
+def sleeping(period: float, ticks: int, pipe: Connection) -> None:
+    """Send how late a loop is that only sleeps, ms."""
+    pipe.send("begun")
     begun = time.monotonic()
     late = []
     for i in range(1, ticks + 1):
         time.sleep(max(0.0, begun + i * period - time.monotonic()))
         late.append(1000 * (time.monotonic() - begun - i * period))
-    told.send(late)
+    pipe.send(late)
 
 
 def main() -> None:
     """Measure, and print."""
-    given = command_line(__doc__).parse_args()
+    options = command_line(__doc__).parse_args()
     cflib.crtp.init_drivers()
     logger = logging.getLogger("star_radio")
     logger.setLevel(logging.ERROR)  # a drone is absent on purpose
@@ -202,7 +205,7 @@ def main() -> None:
         figures |= measure(drones)
         drones.close()
     logger.setLevel(logging.NOTSET)
-    show(figures, as_json=given.json)
+    show(figures, as_json=options.json)
 
 
 if __name__ == "__main__":

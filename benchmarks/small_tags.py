@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -73,12 +73,12 @@ CONDITIONS: Final = {
 }
 
 
-def scenes(count: int, tags: int = 25) -> dict[str, float]:
+def scenes(count: int, tags: int, conditions: Sequence[str]) -> dict[str, float]:
     """Return shares found, corner errors and false tags in drawn scenes, by condition."""
     figures = {}
     detectors = peers() | {"our": ours}
-    for name, condition in CONDITIONS.items():
-        drawn = [scene(np.random.default_rng(k), condition, tags) for k in range(count)]
+    for name in conditions:
+        drawn = [scene(np.random.default_rng(k), CONDITIONS[name], tags) for k in range(count)]
         there = sum(len(truth) for _, truth in drawn)
         for whose, detect in detectors.items():
             found, extra, errors = 0, 0, []

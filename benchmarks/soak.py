@@ -46,6 +46,7 @@ MAX_GROWTH: Final = 0.05  # of the resident memory of a process
 MAX_SLIP: Final = 0.5  # s, by which the simulated clock may fall behind
 WARM: Final = 60.0  # s, after which nothing may grow
 CLOSING: Final = 6  # last samples, while the drones land and the links are closed: not counted
+MIN_ENDURANCE: Final = 60.0  # s, of a full battery
 LAP: Final = 20.0  # s, after which the step is repeated
 START_TIMEOUT: Final = 60.0  # s
 EXIT_TIMEOUT: Final = 60.0  # s
@@ -79,7 +80,7 @@ def write(folder: Path, drones: int, minutes: float) -> Path:
     mission.write_text(
         f"star: 1\nname: soak\nworld: room.yaml\nrate: {RATE}\n"
         f"transport: {{use: sim, profile: ideal, controller: ideal, noise: false,"
-        f" endurance: {120 * minutes:g}}}\n"
+        f" endurance: {max(MIN_ENDURANCE, 120 * minutes):g}}}\n"
         "localizer: flow\nplanner: straight\navoider: orca\n"
         f"swarm:\n{swarm}"
         "mission:\n  - takeoff: {height: 0.8}\n"
@@ -180,8 +181,8 @@ def wait_for(pattern: re.Pattern[str], file: Path, process: subprocess.Popen[str
     """Wait until a line is in a file; return its first group, None if the process ends before."""
     until = time.monotonic() + START_TIMEOUT
     while time.monotonic() < until and process.poll() is None:
-        if found := pattern.search(file.read_text()):
-            return found[1]
+        if match := pattern.search(file.read_text()):
+            return match[1]
         time.sleep(0.2)
     return None
 
@@ -245,7 +246,9 @@ def fly(folder: Path, drones: int, minutes: float) -> Soak:
             reader.join(EXIT_TIMEOUT)
     soak.status = {"fleet": fleet.returncode, "run": flight.returncode}
     soak.texts = {name: file.read_text() for name, file in files.items()}
-    soak.outlived = [one.role for pid, one in soak.processes.items() if role(pid) == one.role]
+    soak.outlived = [
+        process.role for pid, process in soak.processes.items() if role(pid) == process.role
+    ]
     return soak
 
 
@@ -263,7 +266,7 @@ def figures(soak: Soak) -> dict[str, float]:
         kinds = {name: 1e3 * timing[name] for name in timing.files
                  if name not in {"time", "late", "tick"}}  # fmt: skip
     jitter = abs(1e3 * np.diff(times) - 1e3 / RATE)
-    found = {
+    values = {
         "ticks": float(len(times)),
         "flight (s)": float(times[-1] - times[0]),
         "lateness, p99 (ms)": float(np.percentile(late, 99)),
@@ -275,27 +278,27 @@ def figures(soak: Soak) -> dict[str, float]:
         "tick, p99 (ms)": float(np.percentile(took, 99)),
         "overrun ticks (longer than a period)": float((took > 1e3 / RATE).sum()),
     }
-    found |= {f"  {name}, median (ms)": float(np.median(each)) for name, each in kinds.items()}
+    values |= {f"  {name}, median (ms)": float(np.median(each)) for name, each in kinds.items()}
     slipped = SLIPPED.search(soak.texts["fleet"])
-    found["simulated clock behind (s)"] = float(slipped[1]) if slipped else 0.0
-    lasted = max(when for one in soak.processes.values() for when in one.rss)
+    values["simulated clock behind (s)"] = float(slipped[1]) if slipped else 0.0
+    lasted = max(when for process in soak.processes.values() for when in process.rss)
     warm = min(WARM, lasted / 3)
-    for one in sorted(soak.processes.values(), key=lambda one: one.role):
-        if sum(when >= warm for when in one.rss) <= CLOSING:  # it ended before
+    for process in sorted(soak.processes.values(), key=lambda process: process.role):
+        if sum(when >= warm for when in process.rss) <= CLOSING:  # it ended before
             continue
-        first, last = ends(one.rss, warm)
-        busy = (max(one.cpu.values()) - min(one.cpu.values())) / (max(one.cpu) - min(one.cpu))
-        found |= {
-            f"{one.role}: memory (MB)": last / 1e6,
-            f"{one.role}: growth of memory": last / first - 1,
-            f"{one.role}: processor": busy,
-            f"{one.role}: more file handles": float(np.subtract(*ends(one.handles, warm)[::-1])),
-            f"{one.role}: more threads": float(np.subtract(*ends(one.threads, warm)[::-1])),
+        name, cpu = process.role, process.cpu
+        first, last = ends(process.rss, warm)
+        values |= {
+            f"{name}: memory (MB)": last / 1e6,
+            f"{name}: growth of memory": last / first - 1,
+            f"{name}: processor": (max(cpu.values()) - min(cpu.values())) / (max(cpu) - min(cpu)),
+            f"{name}: more file handles": float(np.subtract(*ends(process.handles, warm)[::-1])),
+            f"{name}: more threads": float(np.subtract(*ends(process.threads, warm)[::-1])),
         }
-    found["resources not closed"] = float(sum(t.count(UNCLOSED) for t in soak.texts.values()))
-    found["processes that outlived the flight"] = float(len(soak.outlived))
-    found |= {f"exit status of star {name}": float(code) for name, code in soak.status.items()}
-    return found
+    values["resources not closed"] = float(sum(t.count(UNCLOSED) for t in soak.texts.values()))
+    values["processes that outlived the flight"] = float(len(soak.outlived))
+    values |= {f"exit status of star {name}": float(code) for name, code in soak.status.items()}
+    return values
 
 
 def bound(name: str) -> float | None:
@@ -322,15 +325,15 @@ def main() -> int:
         soak = fly(Path(folder), options.drones, options.minutes)
         if not (soak.folder / "timing.npz").exists():
             sys.exit("the flight left no record:\n" + "\n".join(soak.texts.values()))
-        found = figures(soak)
+        values = figures(soak)
     broken = [
-        name for name, value in found.items()
+        name for name, value in values.items()
         if (most := bound(name)) is not None and not value <= most
     ]  # fmt: skip
     if options.json:
-        print(json.dumps(found | {"broken": broken}))
+        print(json.dumps(values | {"broken": broken}))
         return bool(broken)
-    for name, value in found.items():
+    for name, value in values.items():
         most = bound(name)
         goal = "" if most is None else f"   (at most {most:g})"
         print(f"{name:44}{value:12.4g}{goal}{' BROKEN' * (name in broken)}")

@@ -17,6 +17,7 @@ import sys
 import time
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from unittest.mock import patch
 
 from printed import command_line, show
 
@@ -109,9 +110,8 @@ def flight(cache: str) -> tuple[float, float]:
 def main() -> None:
     """Print the figures."""
     options = command_line(__doc__, rounds=15).parse_args()
-    with TemporaryDirectory() as folder:
+    with TemporaryDirectory() as folder, patch.dict(os.environ, PYTHONPYCACHEPREFIX=folder):
         os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
-        os.environ["PYTHONPYCACHEPREFIX"] = folder
         measured = figures(options.rounds) | first_flight(options.rounds)
     show(measured, as_json=options.json, goals=GOALS)
 

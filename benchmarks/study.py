@@ -162,8 +162,8 @@ def wait_for_workers(address: str, number: int) -> None:
         client.wait_for_workers(number)
 
 
-def parent(address: str, path: str, out: str) -> None:
-    """Fly a study of sleeps, and print wall time, s, peak memory, MB, and processor time, s.
+def parent(address: str, path: str, out: str) -> tuple[float, float, float]:
+    """Fly a study of sleeps; return wall time, s, peak memory, MB, and processor time, s.
 
     `address` is that of the cluster, or empty: then the runs are over at once.
     """
@@ -176,7 +176,7 @@ def parent(address: str, path: str, out: str) -> None:
         _fly(study, Path(out), engine)
         wall_time = time.perf_counter() - begun
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    print(json.dumps([wall_time, memory, time.process_time()]))
+    return wall_time, memory, time.process_time()
 
 
 def ready(folder: Path) -> tuple[Path, Path]:
@@ -310,7 +310,7 @@ def main() -> None:
     arguments.add_argument("--parent", nargs=3, help=argparse.SUPPRESS)
     options = arguments.parse_args()
     if options.parent:
-        parent(*options.parent)
+        print(json.dumps(parent(*options.parent)))
         return
     figures: dict[str, float] = {}
     with TemporaryDirectory() as home:

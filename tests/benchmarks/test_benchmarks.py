@@ -6,12 +6,17 @@ small, or needs real time, is marked `campaign`; what needs a peer that is not i
 
 from __future__ import annotations
 
+import contextlib
 import gc
 import importlib
+import io
+import json
+import multiprocessing
 import os
 import shlex
 import sys
-from collections.abc import Callable, Mapping, Sequence
+import threading
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -21,9 +26,17 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from star_core import Registry
+
 ROOT = Path(__file__).parents[2]
 BENCHMARKS = ROOT / "benchmarks"
 CAMPAIGNS = ROOT / "tests" / "campaign"
+HELLO = ROOT / "missions" / "hello.yaml"
+HELP = {"help": [str(Path(sys.executable).with_name("star")), "--help"]}
+UP_AND_DOWN = ("mission=[{takeoff: {height: 0.8}}, {land: {}}]",)
+# 0.2 m ahead in 2 s, from rest to rest.
+AHEAD = "2.0,0,0,0,0,0.4375,-0.525,0.21875,-0.03125" + ",0" * 24
+COLUMNS = [f"{axis}^{power}" for axis in ("x", "y", "z", "yaw") for power in range(8)]
 
 
 @dataclass(frozen=True)
@@ -31,9 +44,9 @@ class Small:
     """How a script is run in a small size.
 
     Attributes:
-        arguments: Of its command line; ``{tmp}`` is an empty folder, ``{flights}`` one with a
-            recorded flight.
-        sizes: Values of its constants.
+        arguments: Of its command line; ``{tmp}`` is a folder with a trajectory, ``path.csv``,
+            ``{flights}`` one with a recorded flight.
+        sizes: Values of its constants, or of those of another module.
         needs: Modules without which it is skipped.
         campaign: Why it is run by ``make campaign`` only; empty for the others.
         prints: Text that it prints.
@@ -59,6 +72,46 @@ class InProcess(Executor):
         return future
 
 
+class Threads:
+    """In place of `multiprocessing`: threads, which need not import everything."""
+
+    Event, Pipe, Process = threading.Event, staticmethod(multiprocessing.Pipe), threading.Thread
+
+    def get_context(self, _method: str) -> Threads:
+        """Return these threads."""
+        return self
+
+
+class FlownHere:
+    """In place of the worker processes of a study."""
+
+    size = 1
+
+    def __init__(self, _size: int) -> None:
+        """Start nothing."""
+
+    def fly_all(self, jobs: Sequence[Any], *_: object, **__: object) -> Iterator[tuple[int, Any]]:
+        """Yield the index and result of each job."""
+        fly_job = importlib.import_module("star_ablate.flight").fly_job
+        registry = Registry()
+        for index, job in enumerate(jobs):
+            yield index, fly_job(job, registry)
+
+    def close(self) -> None:
+        """Release nothing."""
+
+
+def parent(address: str, path: Path, out: Path, summary: Path) -> tuple[float, float, float]:
+    """Fly a study of `benchmarks/study.py` in this process instead of one of its own."""
+    text = io.StringIO()
+    with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(text):
+        patch.setenv("STAR_SUMMARY", str(summary))
+        patch.setattr(sys, "argv", ["study.py", "--parent", address, str(path), str(out)])
+        importlib.import_module("study").main()
+    wall_time, memory, spent = json.loads(text.getvalue())
+    return wall_time, memory, spent
+
+
 SCRIPTS = {
     "aideck": Small(
         sizes={
@@ -69,7 +122,7 @@ SCRIPTS = {
             "STREAMS": (("one", 1, 15.0, False),),
         }
     ),
-    "camera": Small(sizes={"ROUNDS": 1, "TIMES": 1, "LOOKS": 30}),
+    "camera": Small(sizes={"ROUNDS": 1, "TIMES": 1, "LOOKS": 8}),
     "tests.campaign.around": Small("--flights 1", campaign="8 s", prints="| 1 | 1 | 1 |"),
     "tests.campaign.cflib_examples": Small(
         "",
@@ -83,28 +136,30 @@ SCRIPTS = {
         "--json --seeds 1", {"PATHS": ("paper_box",)}, campaign="15 s"
     ),
     "tests.campaign.coverage": Small("", {"TRIALS": 20, "SIZES": (5,)}, prints="| normal |"),
-    "demo": Small("--json --flights 1"),
-    "detector": Small("--json --images 2 --scenes 1"),
+    "demo": Small("--json --flights 1", {"MISSION": HELLO}),
+    "detector": Small("--json --images 2 --scenes 1 --tags 4 --conditions small large_blurred"),
     "disturbances": Small("--json --images 1"),
     "downwash": Small(
         "--json --seeds 1",
         {
             "PAIRS": 1,
+            "REST": 1.0,
+            "AVOIDERS": ("orca",),
             "SCENARIOS": {"crossing": ((-0.5, 0.5, 0.4), (0.5, -0.5, 0.4))},
             "SEPARATIONS": {"sphere": 0.2},
         },
     ),
     "drag": Small("{flights}", prints="| circle |"),
     "drag_bound": Small("", {"SPEEDS": (1.0,), "LEARNT": 5.0}, prints="circle"),
-    "durations": Small("missions/first_flight.yaml", prints="first_flight"),
+    "durations": Small("missions/hello.yaml", prints="hello"),
     "tests.campaign.faults": Small(
-        "--cells 'no fault' --seeds 1 --processes 1 --results {tmp}/faults.json",
+        "--rows 0 --seeds 1 --processes 1 --results {tmp}/faults.json",
         {"ProcessPoolExecutor": InProcess},
         prints="|",
     ),
     "figures": Small("", prints="floors of imports"),
-    "flight_bits": Small("--missions first_flight", prints="first_flight"),
-    "fleet": Small(sizes={"FLIGHT": 0.2, "FLEETS": ((2, 10),)}),
+    "flight_bits": Small("--missions hello", prints="hello"),
+    "fleet": Small(sizes={"FLIGHT": 0.2, "FLEETS": ((2, 10),), "multiprocessing": Threads()}),
     "tests.campaign.guardian": Small(
         "--runs 1 --only sigkill", campaign="real time", prints="sigkill"
     ),
@@ -117,17 +172,28 @@ SCRIPTS = {
     "landmarks": Small(
         sizes={
             "MINUTES": 0.05,
-            "CHANGES": ("mission.1.follow.until.elapsed=0.2", "localizer.processes=0"),
+            "CHANGES": {
+                "paper_box.yaml": UP_AND_DOWN,
+                "three_eyes.yaml": (
+                    *UP_AND_DOWN,
+                    "localizer.processes=0",
+                    "transport.camera.mode=geometric",
+                ),
+            },
         }
     ),
-    "mosaic": Small("--json --scenes 1"),
+    "mosaic": Small("--json --scenes 1", {"SIZE": (320, 214)}),
     "tests.campaign.killed_studies": Small(
         "--runs 6 --kills 2", campaign="three starts", prints="each run was flown once"
     ),
     "tests.campaign.link_cuts": Small(
-        "--flights 1 --processes 1 --phases landing --lengths 0.3", prints="landing"
+        "--flights 1 --processes 1 --phases landing --lengths 0.3",
+        {"AFTER": 2.0, "ProcessPoolExecutor": InProcess},
+        prints="landing",
     ),
-    "tests.campaign.imported": Small("--seeds 1 --no-flights", prints="imported"),
+    "tests.campaign.imported": Small(
+        "--seeds 1 --no-flights", {"MODES": {"intended": ()}}, prints="imported"
+    ),
     "tests.campaign.mocap": Small(
         "--flights 1 --passing 1 --only passing", campaign="a process", prints="1 of 1"
     ),
@@ -135,9 +201,22 @@ SCRIPTS = {
     "tests.campaign.onboard": Small("--flights 1", campaign="20 s", prints="lighthouse"),
     "orca": Small("--json --agents 10", {"DRAWN": 20, "ROUNDS": 1}, needs=("pyrvo",)),
     "planner": Small(sizes={"POLYGONS": 4, "ROUNDS": 1, "BUILDS": 1, "QUERIES": 5}),
-    "radio": Small(sizes={"MANY": 2, "FEW": 1, "ROUNDS": 1, "TICKS": 10}, needs=("cflib",)),
+    "radio": Small(
+        sizes={
+            "MANY": 2,
+            "FEW": 1,
+            "ROUNDS": 1,
+            "TICKS": 10,
+            "HANGS": 5.0,
+            "GUARDIAN": False,
+            "multiprocessing": Threads(),
+        },
+        needs=("cflib",),
+    ),
     "real_flights": Small("{flights} --json"),
-    "recording": Small("--json --rounds 1", {"AGENTS": 2, "RADIUS": 0.5, "TRANSPORT": "sim"}),
+    "recording": Small(
+        "--json --rounds 1", {"AGENTS": 2, "RADIUS": 0.5, "TRANSPORT": "sim", "TURNS": 1}
+    ),
     "tests.campaign.relief": Small("--json --seeds 1 --rounds 1", campaign="6 s"),
     "tests.campaign.preflight": Small(
         "--runs 1 --clean 1", campaign="real time", prints="false alarms in 0"
@@ -147,35 +226,52 @@ SCRIPTS = {
         {"STUDY_RUNS": 200, "opened": lambda _page, _rounds: {}},  # not by Chromium
     ),
     "tests.campaign.safe_defaults": Small(
-        "--seeds 1 --workers 1 --missions single-crossing-5 --out {tmp}/out", prints="crossing"
+        "--seeds 1 --workers 1 --missions single-crossing-5 --out {tmp}/out",
+        {"star_ablate.command.Processes": FlownHere},
+        prints="crossing",
     ),
     "tests.campaign.search": Small("--json --worlds 1 --pattern sweep", campaign="10 s"),
-    "silence": Small("--json --only check"),
+    "silence": Small("--json --only check", {"GOALS": {"terminal": 2.0}}),
     "sim": Small(sizes={"AGENTS": (1,), "ROUNDS": 1, "REPEATS": 1, "TIMES": 10, "LAPS": 1}),
     "soak": Small(
-        "--json --minutes 0.1 --drones 2",
-        {"MAX_JITTER": 1e3, "MAX_SLIP": 10.0, "CLOSING": 1000},  # busy, and nothing has grown yet
+        "--json --minutes 0.02 --drones 2",
+        {
+            "MAX_JITTER": 1e3,  # other tests run beside it
+            "MAX_SLIP": 10.0,
+            "CLOSING": 1000,  # nothing has grown yet
+            "multiprocessing": Threads(),
+        },
     ),
-    "startup": Small("--json --rounds 1", {"first_flight": lambda _: {}}),  # no cold start
-    "study": Small("--json --only plan memory", {"RUNS": 40, "PLANS": ((4, 2),)}),
+    "startup": Small(
+        "--json --rounds 1",
+        {"first_flight": lambda _: {}, "COMMANDS": HELP},  # no cold start
+    ),
+    "study": Small(
+        "--json --only plan memory",
+        {"RUNS": 20, "PLANS": ((4, 2),), "start_parent": parent},
+    ),
     "study cluster": Small(
         "--json --only cluster",
-        {"RUNS": 40, "WORKERS": 4, "NAP": 0.02, "PROCESSES": 1},
+        {"RUNS": 20, "WORKERS": 2, "NAP": 0.01, "PROCESSES": 1, "start_parent": parent},
         needs=("distributed",),
     ),
-    "tick": Small("--json --agents 40"),
-    "tick_cost": Small("--json --agents 3 --flights 1", {"ROUNDS": 1}),
+    "tick_cost": Small("--json --agents 3 --flights 1", {"ROUNDS": 1, "DEMO": HELLO}),
     "tick_files": Small("--json"),
-    "tests.campaign.touchdowns": Small("--flights 1 --ways radio --cases normal", prints="normal"),
+    "tests.campaign.touchdowns": Small(
+        "--flights 1 --first 34 --ways radio --cases normal", prints="normal"
+    ),
     "tracking": Small(
-        "missions/paths/eight.csv --seeds 1",
+        "{tmp}/path.csv --seeds 1",
         {"FLIGHTS": {"pid, no noise": ("transport.noise=false",)}},
         prints="pid, no noise",
     ),
     "tests.campaign.tracking_fleet": Small(
-        "missions/paths/eight.csv --seeds 1", {"CONTROLLERS": {"pid": ()}}, prints="pid"
+        "{tmp}/path.csv --seeds 1", {"CONTROLLERS": {"pid": ()}}, prints="pid"
     ),
-    "view": Small("--json --rounds 1", {"AGENTS": 2, "RADIUS": 0.5}),
+    "view": Small(
+        "--json --rounds 1",
+        {"AGENTS": 2, "RADIUS": 0.5, "SPEED": 4.0, "multiprocessing": Threads()},
+    ),
 }
 PARTS = {
     "circle",
@@ -194,7 +290,7 @@ def test_every_script_is_run() -> None:
     scripts = {path.stem for path in BENCHMARKS.glob("*.py")}
     campaigns = {f"tests.campaign.{path.stem}" for path in CAMPAIGNS.glob("*.py")}
     run = {name.split()[0] for name in SCRIPTS}
-    assert scripts | campaigns | {"tests.fuzz.guided_fuzzing"} == run | PARTS
+    assert scripts | campaigns | {"tests.fuzz.guided_fuzzing"} == run | PARTS | {"tick"}
 
 
 def record_flight(folder: Path) -> Path:
@@ -253,30 +349,28 @@ def test_a_script_runs_in_a_small_size(
         pytest.importorskip(need)
     monkeypatch.syspath_prepend(BENCHMARKS)
     monkeypatch.chdir(ROOT)
-    script = importlib.import_module(name.split(maxsplit=1)[0])
+    module = name.split(maxsplit=1)[0]
+    script = importlib.import_module(module)
     for constant, value in small.sizes.items():
-        assert hasattr(script, constant)
-        monkeypatch.setattr(script, constant, value)
+        monkeypatch.setattr(constant if "." in constant else f"{module}.{constant}", value)
+    (tmp_path / "path.csv").write_text(f"duration,{','.join(COLUMNS)}\n{AHEAD}\n")
     flights = record_flight(tmp_path / "flights") if "{flights}" in small.arguments else ""
     words = [word.format(tmp=tmp_path, flights=flights) for word in shlex.split(small.arguments)]
     monkeypatch.setattr(sys, "argv", [f"{name}.py", *words])
-    before = options()
+    before = dict(os.environ)
+    gc.freeze()  # of all that is, or each collection takes long
     assert not exit_status(script.main)
-    assert options() == before  # the tests after it are in the same process
+    assert dict(os.environ) == before  # the tests after it are in the same process
     gc.collect()
     assert small.prints in capsys.readouterr().out
 
 
-def options() -> dict[str, str]:
-    """Return the environment variables that STAR reads."""
-    return {name: value for name, value in os.environ.items() if name.startswith("STAR_")}
-
-
 def test_160_drones_that_know_their_positions_to_3_cm_do_not_jam(
-    monkeypatch: pytest.MonkeyPatch,
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.syspath_prepend(BENCHMARKS)
-    figures, summary = importlib.import_module("tick").measure(160)
+    monkeypatch.setattr(sys, "argv", ["tick.py", "--json", "--agents", "160"])
+    importlib.import_module("tick").main()  # which exits if drones collide
+    figures = json.loads(capsys.readouterr().out)
     assert figures["flight (s)"] <= 66
     assert figures["least separation (m)"] > 0.25
-    assert summary["collisions"]["agent_agent"] == 0

@@ -17,6 +17,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager, redirect_stdout
 from pathlib import Path
 from typing import Any, Final, NamedTuple
+from unittest.mock import patch
 
 import numpy as np
 
@@ -213,8 +214,10 @@ def main() -> int:
     alarms = 0
     for number in range(options.runs + options.clean):
         cases = FAULTS if number < options.runs else CLEAN
-        with tempfile.TemporaryDirectory() as folder:
-            os.environ["XDG_CACHE_HOME"] = folder
+        with (
+            tempfile.TemporaryDirectory() as folder,
+            patch.dict(os.environ, XDG_CACHE_HOME=folder),
+        ):
             wrong = misreports(cases, Path(folder), 1000 + number)
         if cases is FAULTS:
             named.update(name for name in cases if name not in wrong)
