@@ -28,7 +28,7 @@ CODE_ARGUMENT = {  # the position of the code in calls of these functions
     "coded": 1,
     "Problem": 2,
     "problem": 2,
-    "_unknown": 4,
+    "unknown_name": 4,
     "Fault": 2,
     "wrong": 1,
     "_report": 2,

@@ -7,8 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, Final
 
 from star_core import Problem, Scene
-from star_core.formats import MAX_LISTED, Condition, Point
-from star_core.toolkit import suggestion
+from star_core.formats import Condition, Point
 from star_yaml.condition_kinds import (
     AllOf,
     AnyOf,
@@ -21,7 +20,7 @@ from star_yaml.condition_kinds import (
     TargetFound,
     TimeReached,
 )
-from star_yaml.document import Location
+from star_yaml.document import Location, unknown_name
 
 OF_AGENTS: Final[Mapping[str, Callable[[Any, NamedAgents | None], Condition]]] = {
     "found": TargetFound,
@@ -144,8 +143,7 @@ def problems(
         case Not(inner):
             parts = [(("not",), inner)]
         case TargetFound(str() as name) if name not in targets:
-            hint = suggestion(name, targets, "there are", MAX_LISTED)
-            yield Problem(("found",), f"no target named {name!r}{hint}", "unknown-target")
+            yield unknown_name(("found",), "target", name, targets, "unknown-target")
         case TargetFound(int() as count) if count > len(targets):
             message = f"{count!r} is more than the {len(targets)} targets of the world"
             yield Problem(("found",), message, "out-of-range")
@@ -159,8 +157,7 @@ def problems(
 def _unknown_agents(named: NamedAgents | None, agents: Sequence[str]) -> Iterator[Problem]:
     for name in () if named is None else named.names:
         if name not in agents:
-            hint = suggestion(name, agents, "there are", MAX_LISTED)
-            yield Problem(("agents",), f"no agent or group named {name!r}{hint}", "unknown-agent")
+            yield unknown_name(("agents",), "agent or group", name, agents, "unknown-agent")
 
 
 def _near_problems(
@@ -169,8 +166,7 @@ def _near_problems(
     if (near.agent is None) == (near.point is None):
         yield Problem(("near",), "needs either 'point' or 'agent'", "option-conflict")
     elif near.agent is not None and near.agent not in agents:
-        hint = suggestion(near.agent, agents, "there are", MAX_LISTED)
-        yield Problem(("near", "agent"), f"no agent named {near.agent!r}{hint}", "unknown-agent")
+        yield unknown_name(("near", "agent"), "agent", near.agent, agents, "unknown-agent")
     elif [*(of_step if near.agents is None else near.agents.names)] == [near.agent]:
         message = f"{near.agent!r} is always near itself; name another agent"
         yield Problem(("near", "agent"), message, "agent-conflict")

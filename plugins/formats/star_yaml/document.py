@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from star_core import Problem
-from star_core.formats import Mark, Value, coded
+from star_core.formats import MAX_LISTED, Mark, Value, coded
+from star_core.toolkit import suggestion
 
 Location: TypeAlias = tuple[str | int, ...]
 """Keys and indices from the top of a document to a value."""
@@ -84,3 +85,9 @@ class Document:
             return (False, int(match[1]), int(match[2])) if match else (True, 0, 0)
 
         return sorted(dict.fromkeys(problems), key=order)
+
+
+def unknown_name(path: Location, what: str, name: str, names: Iterable[str], code: str) -> Problem:
+    """Return the problem of a name that nothing has."""
+    hint = suggestion(name, names, "there are", MAX_LISTED)
+    return Problem(path, f"no {what} named {name!r}{hint}", code)

@@ -28,6 +28,7 @@ from star_core.commands import PIPELINE_KINDS, Found
 from star_core.formats import PluginChoice, inside
 from star_core.toolkit import PluginGuard, fill_defaults
 from star_yaml import schema, world_loader
+from star_yaml.checks.plugin_checks import options_of
 from star_yaml.checks.references import of_mission
 from star_yaml.document import Document
 from star_yaml.includes import resolved
@@ -156,7 +157,7 @@ def _scene_properties(data: Mapping[str, Any], registry: Registry) -> dict[str, 
     if (plugin := _find("transport", data["transport"], registry)) is None:
         return properties
     offer, properties["realtime"] = plugin.offer, bool(plugin.offer.realtime)
-    options = fill_defaults(_options(data["transport"]), offer.options)  # some may be refused
+    options = fill_defaults(options_of(data["transport"]), offer.options)  # some may be refused
     for name in (*FLAGS, "measurement_errors", "onboard_system"):
         if (function := getattr(offer, name)) is not None:
             with PluginGuard(f"transport {offer.name!r} ({plugin.source})"):
@@ -175,12 +176,8 @@ def _plugin(
     kind: str, choice: Mapping[str, Any], written: str | Mapping[str, Any], registry: Registry
 ) -> PluginChoice:
     source = registry.find(kind, choice["use"]).source
-    options = {} if isinstance(written, str) else _options(written)
-    return PluginChoice(kind, choice["use"], _options(choice), source, options)
-
-
-def _options(choice: Mapping[str, Any]) -> dict[str, Any]:
-    return {key: value for key, value in choice.items() if key != "use"}
+    options = {} if isinstance(written, str) else options_of(written)
+    return PluginChoice(kind, choice["use"], options_of(choice), source, options)
 
 
 def sound_parts(

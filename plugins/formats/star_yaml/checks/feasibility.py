@@ -9,9 +9,9 @@ from itertools import combinations
 from typing import Any, Final
 
 from star_core import Fence, Problem, Registry, Scene
-from star_core.formats import JOIN, MAX_LISTED, Point
-from star_core.toolkit import CONTACT_RADIUS, Action, suggestion
-from star_yaml.document import Document
+from star_core.formats import JOIN, Point
+from star_core.toolkit import CONTACT_RADIUS, Action
+from star_yaml.document import Document, unknown_name
 from star_yaml.schema import Incomplete
 
 MAX_STAND: Final = 0.15  # m: height of an agent's centre above what it stands on
@@ -105,10 +105,7 @@ class Room:
         listed = reserve.get("agents", ())
         for i, name in enumerate(listed):
             if name not in names:
-                message = (
-                    f"no agent named {name!r}{suggestion(name, names, 'there are', MAX_LISTED)}"
-                )
-                yield Problem(("reserve", "agents", i), message, "unknown-agent")
+                yield unknown_name(("reserve", "agents", i), "agent", name, names, "unknown-agent")
         if {*names} <= {*listed}:
             message = "every agent is in reserve; leave one to be relieved"
             yield Problem(("reserve", "agents"), message, "agent-not-in-mission")

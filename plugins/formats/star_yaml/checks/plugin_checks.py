@@ -36,7 +36,7 @@ class PluginChecks:
         self._registry = registry
         self._scene = scene
         self._planner = planner["use"]
-        self._planner_options = {key: value for key, value in planner.items() if key != "use"}
+        self._planner_options = options_of(planner)
         self._problems: dict[str, list[Problem]] = {}
 
     def problems(
@@ -151,6 +151,11 @@ class PluginChecks:
             for value in answer
             if not sound(value)
         ]
+
+
+def options_of(choice: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the options of the choice of a plugin, ``{use: name, ...options}``."""
+    return {key: value for key, value in choice.items() if key != "use"}
 
 
 def _broken(

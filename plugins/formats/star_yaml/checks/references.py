@@ -10,13 +10,13 @@ from typing import Any, Final, Literal, TypeAlias
 
 from star_core import Problem, Registry, Scene
 from star_core.commands import PIPELINE_KINDS
-from star_core.formats import JOIN, LEAVE, MAX_LISTED, Condition, nodes
-from star_core.toolkit import Action, Choice, Node, Parallel, Reaction, Repeat, actions, suggestion
+from star_core.formats import JOIN, LEAVE, Condition, nodes
+from star_core.toolkit import Action, Choice, Node, Parallel, Reaction, Repeat, actions
 from star_yaml import conditions
 from star_yaml.checks import feasibility
 from star_yaml.checks.cameras import camera_problems
-from star_yaml.checks.plugin_checks import PluginChecks
-from star_yaml.document import Document, Location
+from star_yaml.checks.plugin_checks import PluginChecks, options_of
+from star_yaml.document import Document, Location, unknown_name
 from star_yaml.schema import Incomplete
 
 State: TypeAlias = Literal["ground", "air", "reserve", "removed"] | None
@@ -101,7 +101,8 @@ def _groups(data: Mapping[str, Any], scene: Scene) -> Iterator[Problem]:
             yield Problem(("groups", name), f"{name!r} already names {named}", "duplicate-name")
         for i, member in enumerate(members):
             if member not in scene.names:
-                yield _unknown(("groups", name, i), "agent", member, scene.names, "unknown-agent")
+                at = ("groups", name, i)
+                yield unknown_name(at, "agent", member, scene.names, "unknown-agent")
 
 
 def _idle(data: Mapping[str, Any], steps: Sequence[Node], scene: Scene) -> Iterator[Problem]:
@@ -137,7 +138,7 @@ def _cameras(document: Document, data: Mapping[str, Any]) -> Iterator[Problem]:
     for name, agent in data["swarm"].items():
         if "camera" in agent and agent["camera"] not in names and isinstance(inline, dict):
             at = ("swarm", name, "camera")
-            yield _unknown(at, "camera", agent["camera"], names, "unknown-camera")
+            yield unknown_name(at, "camera", agent["camera"], names, "unknown-camera")
     for name, camera in data["cameras"].items():
         if not isinstance(camera, Incomplete):
             for problem in camera_problems(camera):
@@ -150,8 +151,7 @@ def _parts(data: Mapping[str, Any], plugins: PluginChecks) -> Iterator[Problem]:
             continue
         if kind == "transport" and any(isinstance(a, Incomplete) for a in data["swarm"].values()):
             continue  # it may need what is missing: addresses
-        options = {key: value for key, value in data[kind].items() if key != "use"}
-        yield from plugins.problems(kind, data[kind]["use"], (kind,), options)
+        yield from plugins.problems(kind, data[kind]["use"], (kind,), options_of(data[kind]))
 
 
 def _frames(data: Mapping[str, Any], scene: Scene, registry: Registry) -> Iterator[Problem]:
@@ -171,9 +171,8 @@ def _frames(data: Mapping[str, Any], scene: Scene, registry: Registry) -> Iterat
 
 def _action(step: Action, scene: Scene, plugins: PluginChecks) -> Iterator[Problem]:
     if step.until is not None:
-        for problem in conditions.until_problems(step.until, step.timeout, scene, step.rows):
-            if plugins.enabled or problem.path[-1:] != ("found",):
-                yield problem._replace(path=(*step.at, "until", *problem.path))
+        wrong = conditions.until_problems(step.until, step.timeout, scene, step.rows)
+        yield from _within(wrong, (*step.at, "until"), plugins)
     yield from plugins.problems("task", step.verb, step.at, step.options, step.rows)
 
 
@@ -184,7 +183,13 @@ def _condition(
     if when.has_elapsed:
         message = "'elapsed' is the time of a step, and this is about none; write 'time'"
         yield Problem(path, message, "option-conflict")
-    for problem in conditions.until_problems(when, None, scene, range(len(scene.agents))):
+    wrong = conditions.until_problems(when, None, scene, range(len(scene.agents)))
+    yield from _within(wrong, path, plugins)
+
+
+def _within(wrong: Iterable[Problem], path: Location, plugins: PluginChecks) -> Iterator[Problem]:
+    """Yield the problems of the condition at a path; of targets only if the world is known."""
+    for problem in wrong:
         if plugins.enabled or problem.path[-1:] != ("found",):
             yield problem._replace(path=(*path, *problem.path))
 
@@ -218,12 +223,6 @@ def _resource_conflicts(node: Parallel, plugins: PluginChecks) -> Iterator[Probl
                 "resource-conflict",
             )
         taken.add((step.verb, resource))
-
-
-def _unknown(path: Location, what: str, name: str, names: Iterable[str], code: str) -> Problem:
-    """Return the problem of a name that nothing has."""
-    message = f"no {what} named {name!r}{suggestion(name, names, 'there are', MAX_LISTED)}"
-    return Problem(path, message, code)
 
 
 def airborne_problems(
