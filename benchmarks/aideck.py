@@ -74,11 +74,11 @@ def back(away: float) -> float:
         with AideckServer(port=server.address[1]) as again:
             begin = time.monotonic()
 
-            def seen() -> bool:
+            def arrived() -> bool:
                 again.publish(np.zeros(SHAPE, np.uint8), 0.0)
                 return bool(client.arrived())
 
-            until(seen)
+            until(arrived)
             return time.monotonic() - begin
 
 

@@ -127,11 +127,11 @@ def speed() -> dict[str, float]:
     rng = np.random.default_rng(0)
     ours = Renderer(camera, PAIR, ROOM, ground, noise=NOISE, blur=BLUR)
     bare = Renderer(camera, (), ROOM, ground, noise=0.0, blur=0.0)
-    one = Renderer(camera, PAIR[:1], ROOM, ground, noise=NOISE, blur=BLUR)
+    single = Renderer(camera, PAIR[:1], ROOM, ground, noise=NOISE, blur=BLUR)
     detector, naive = OnboardDetector(camera, PAIR, ROOM), Naive(camera, PAIR, ground)
     calls: dict[str, Callable[[Shot], Any]] = {
         "two_tags": lambda shot: ours.render(shot, rng),
-        "one_tag": lambda shot: one.render(shot, rng),
+        "one_tag": lambda shot: single.render(shot, rng),
         "floor_only": lambda shot: bare.render(shot, rng),
         "geometric": lambda shot: detector.detect(shot, rng),
         "naive": lambda shot: naive.render(shot, rng),
@@ -186,10 +186,10 @@ def recall(count: int) -> dict[str, float]:
             rng.normal(0.0, 0.2, 3),
         )
         squares, ids, _ = detector.detectMarkers(renderer.render(shot, rng))
-        found = set(np.ravel(ids).tolist()) if squares else set()
+        numbers = set(np.ravel(ids).tolist()) if squares else set()
         eye = shot.position + np.array([0.0, 0.0, camera.position[2]])
         looks += [
-            (float(np.linalg.norm(place[n] - eye)), n in found)
+            (float(np.linalg.norm(place[n] - eye)), n in numbers)
             for n in every_tag.detect(shot)[0].tolist()
         ]
     bounds = [(0.0, 1.0), (1.0, 1.3), (1.3, 1.6), (1.6, 2.0), (2.0, 3.0)]

@@ -36,8 +36,8 @@ def factors(flights: int) -> list[float]:
 def main() -> None:
     """Print the figures."""
     options = command_line(__doc__, flights=25).parse_args()
-    found = factors(options.flights)
-    figures = {"first": found[0], "median": statistics.median(found), "best": max(found)}
+    speeds = factors(options.flights)
+    figures = {"first": speeds[0], "median": statistics.median(speeds), "best": max(speeds)}
     show(figures, as_json=options.json)
 
 

@@ -67,10 +67,10 @@ class Score:
         """Take in what was found in one image, and the time it took, ns."""
         self.times.append(time)
         numbers = {tag.id for tag in case.tags}
-        for tag, found in zip(tags.tolist(), corners, strict=True):
+        for tag, pixels in zip(tags.tolist(), corners, strict=True):
             self.wrong += tag not in numbers
             if tag in case.corners:
-                off = found - case.corners[tag]
+                off = pixels - case.corners[tag]
                 self.squares.append(float((off * off).sum(axis=1).mean()))
 
 
@@ -102,20 +102,20 @@ def compare(images: Sequence[Case]) -> dict[str, float]:
         analyzer = ImageAnalyzer(Camera(), case.tags, {}, guided_matching=True)
         analyzer.lens.undistort(np.zeros((1, 2)))  # computed once for each camera
         begin = thread_time_ns()
-        found = detector.detect(case.image)
+        detections = detector.detect(case.image)
         middle = thread_time_ns()
         quads, tags, _ = peer.detectMarkers(case.image)
         late = thread_time_ns()
         analyzer.analyze(case.image, case.prediction)
         whole.append(thread_time_ns() - late)
-        ours.add(case, found.tag, found.corners, middle - begin)
+        ours.add(case, detections.tag, detections.corners, middle - begin)
         corners = np.reshape(np.array(quads, np.float64), (-1, 4, 2))[:, ORDER]
         numbers = np.array(tags if len(quads) else [], np.int64).ravel()
         theirs.add(case, numbers, corners, late - middle)
-    there = sum(len(case.corners) for case in images)
+    present = sum(len(case.corners) for case in images)
     return {
-        "share_found": len(ours.squares) / there,
-        "opencv_share_found": len(theirs.squares) / there,
+        "share_found": len(ours.squares) / present,
+        "opencv_share_found": len(theirs.squares) / present,
         "corner_rms_px": math.sqrt(float(np.mean(ours.squares))),
         "opencv_corner_rms_px": math.sqrt(float(np.mean(theirs.squares))),
         "wrong_numbers": float(ours.wrong),
@@ -150,7 +150,7 @@ def cases(count: int) -> Iterator[Case]:
         rates = np.array([0.0, 0.0, rng.uniform(-TURN, TURN)])
         sure = np.diag([0.1, 0.1, 0.07]) ** 2
         prediction = Prediction(body, sure, Motion(velocity @ body.rotation, rates))
-        corners = {tag.id: _seen(lens, tag, prediction) for tag in tags}
+        corners = {tag.id: _visible_corners(lens, tag, prediction) for tag in tags}
         counting = {tag: pixels for tag, pixels in corners.items() if pixels is not None}
         if counting:
             count -= 1
@@ -159,7 +159,7 @@ def cases(count: int) -> Iterator[Case]:
             yield Case(image, tags, counting, prediction)
 
 
-def _seen(lens: CameraModel, tag: Tag, body: Prediction) -> Array | None:
+def _visible_corners(lens: CameraModel, tag: Tag, body: Prediction) -> Array | None:
     """Return the (4, 2) corners of a tag in an image that is read row by row, if it counts."""
     place = Pose(rotation_from_quaternion(tag.rotation), np.array(tag.position))
     still = body.pose.inverse().apply(place.apply(square_corners(tag.size)))

@@ -45,24 +45,27 @@ CASES: dict[str, dict[str, Any]] = {
 
 def main() -> None:
     """Print a table, or with ``--json`` one object."""
-    given = command_line(__doc__, images=60).parse_args()
+    arguments = command_line(__doc__, images=60).parse_args()
     cv2.setNumThreads(1)
     figures: dict[str, float] = {}
     for name, options in CASES.items():
-        figures |= {f"{name}_{what}": value for what, value in seen(options, given.images).items()}
-    show(figures, as_json=given.json)
+        figures |= {
+            f"{name}_{figure}": value
+            for figure, value in detection(options, arguments.images).items()
+        }
+    show(figures, as_json=arguments.json)
 
 
-def seen(options: dict[str, Any], count: int) -> dict[str, float]:
+def detection(options: dict[str, Any], count: int) -> dict[str, float]:
     """Return the share of tags found, false tags, and the corners' RMS error, px."""
     world = World("floor", Fence((-3.0, -3.0, 0.0), (3.0, 3.0, 3.0)), landmarks=TAGS)
-    (agent,) = (made := scene(1)).agents
-    where = replace(made, agents=(replace(agent, camera=Camera()),), world=world)
+    (agent,) = (room := scene(1)).agents
+    where = replace(room, agents=(replace(agent, camera=Camera()),), world=world)
     exact = {"corner_noise_std": 0.0, "mode": "geometric"}
     images = Cameras(where, camera_options(**EXACT, **options))
     truth = Cameras(where, camera_options(**EXACT, **exact))
     detector, rng = Detector(CameraModel(Camera())), np.random.default_rng(0)
-    there = found = false = 0
+    present = matches = false = 0
     errors: list[float] = []
     for _ in range(count):
         x, y, yaw = rng.uniform((-1, -1, -math.pi), (1, 1, math.pi))
@@ -73,15 +76,15 @@ def seen(options: dict[str, Any], count: int) -> dict[str, float]:
         (image,) = images.arrived(math.inf)[0].image
         expected = truth.arrived(math.inf)[1]
         corners = dict(zip(expected.tag.tolist(), expected.corners, strict=True))
-        seen = detector.detect(image)
-        there += len(corners)
-        for tag, pixels in zip(seen.tag.tolist(), seen.corners, strict=True):
+        detections = detector.detect(image)
+        present += len(corners)
+        for tag, pixels in zip(detections.tag.tolist(), detections.corners, strict=True):
             false += tag >= len(TAGS)
             if tag in corners:
-                found += 1
+                matches += 1
                 errors.append(float(np.square(pixels - corners[tag]).sum(axis=1).mean()))
     rms = math.sqrt(float(np.mean(errors)))
-    return {"share_found": found / there, "false": float(false), "corner_rms_px": rms}
+    return {"share_found": matches / present, "false": float(false), "corner_rms_px": rms}
 
 
 if __name__ == "__main__":

@@ -35,10 +35,10 @@ def main() -> None:
         drag, error = measured(flight.data)
         evidence, _ = checked(flight.data, math.inf)
         middle = float(flight.data["time"][len(flight.data["time"]) // 2])
-        _, found = checked(flight.data, middle)
+        _, detection_time = checked(flight.data, middle)
         print(
             f"| {path.stem} | {flight.speed:.2f} | {drag[0]:.2f} {drag[1]:.2f} | {error:.3f} "
-            f"| {evidence:.1f} | {found - middle:.1f} |"
+            f"| {evidence:.1f} | {detection_time - middle:.1f} |"
         )
 
 

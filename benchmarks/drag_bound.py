@@ -60,11 +60,12 @@ def main() -> None:
             share = NormalDist().cdf(both[wrong] - limit)
             print(
                 f"| {path} | {speed:g} | {seconds:.1f} | {drag[wrong]:.1f} | {tilt[wrong]:.1f} "
-                f"| {both[wrong]:.1f} | {100 * share:.0f} % | {found(drag)} | {found(both)} |"
+                f"| {both[wrong]:.1f} | {100 * share:.0f} % "
+                f"| {detection_time(drag)} | {detection_time(both)} |"
             )
 
 
-def found(deflection: Array) -> str:
+def detection_time(deflection: Array) -> str:
     """Return the seconds after which the expected evidence is `MIN_EVIDENCE`, if ever."""
     enough = deflection**2 / 2 > MIN_EVIDENCE
     return f"{PERIOD * np.argmax(enough):.1f}" if enough.any() else f"> {WATCHED_AFTER:g}"

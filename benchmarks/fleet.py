@@ -55,11 +55,11 @@ class Clients:
         self.waits: list[float] = []  # s, of the echoes
         for uri in addresses:
             host, _, port = uri.removeprefix("udp://").rpartition(":")
-            made = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-            made.connect((host, int(port)))
-            made.settimeout(5.0)
-            self._sockets.append(made)
-            self._selector.register(made, selectors.EVENT_READ)
+            client = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+            client.connect((host, int(port)))
+            client.settimeout(5.0)
+            self._sockets.append(client)
+            self._selector.register(client, selectors.EVENT_READ)
 
     def connect(self) -> None:
         """Download the tables, and start the log blocks."""
@@ -72,10 +72,10 @@ class Clients:
                     ask(each, join(port, 0, struct.pack("<BH", 2, i)))
         for each in self._sockets:
             for number, names in enumerate(BLOCKS):
-                made = b"".join(
+                variables = b"".join(
                     struct.pack("<BH", VARIABLES[NUMBER[name]].code, NUMBER[name]) for name in names
                 )
-                ask(each, join(Port.LOG, 1, bytes([6, number]) + made))
+                ask(each, join(Port.LOG, 1, bytes([6, number]) + variables))
                 ask(each, join(Port.LOG, 1, bytes([3, number, self._log_period])))
 
     def fly(self, seconds: float) -> None:
@@ -97,8 +97,8 @@ class Clients:
 
     def _hear(self, seconds: float) -> None:
         end = time.monotonic() + seconds
-        while (left := end - time.monotonic()) > 0:
-            for key, _ in self._selector.select(left):
+        while (remaining := end - time.monotonic()) > 0:
+            for key, _ in self._selector.select(remaining):
                 packet = key.fileobj.recv(64)  # type: ignore[union-attr]
                 if packet[0] == Port.LOG << 4 | 2:
                     self.samples += 1

@@ -34,15 +34,15 @@ Model = Callable[[State, Array, float], tuple[Array, Array, Array]]
 
 def ours(state: State, voltage: Array, step: float) -> tuple[Array, Array, Array]:
     """The simulator's motors and rigid body; motors are thrusts, N."""
-    a, wanted = airframe, powertrain.THRUST_PER_SQUARED_VOLTAGE * voltage**2
+    a, target = airframe, powertrain.THRUST_PER_SQUARED_VOLTAGE * voltage**2
     share = 1 - np.exp(-step / powertrain.MOTOR_LAG)
-    thrust = state.motors + share * (wanted - state.motors)
-    one, two, three, four = thrust.T
+    thrust = state.motors + share * (target - state.motors)
+    first, second, third, fourth = thrust.T
     torque = np.stack(
         [
-            a.ARM * (-one - two + three + four),
-            a.ARM * (-one + two + three - four),
-            a.TORQUE_PER_THRUST * (-one + two - three + four),
+            a.ARM * (-first - second + third + fourth),
+            a.ARM * (-first + second + third - fourth),
+            a.TORQUE_PER_THRUST * (-first + second - third + fourth),
         ],
         axis=1,
     )
@@ -117,23 +117,23 @@ def predict(flight: Flight, model: Model) -> dict[str, float]:
     starts = starts[np.abs(even - HORIZON * CYCLE) < CYCLE / 2]  # no sample is missing
     place, velocity, attitude, rates = (data[name][starts] for name in names)
     begin = State(place, velocity, attitude, rates, spin[starts])
-    one = advance(begin, model, voltage[starts], np.zeros(4))
-    missing = data["velocity"][starts + 1] - one.velocity
+    end = advance(begin, model, voltage[starts], np.zeros(4))
+    missing = data["velocity"][starts + 1] - end.velocity
     up = body_axes(begin.attitude)[:, :, 2]
     trim = np.append(
-        (data["gyro"][starts + 1] - one.rates).mean(axis=0), (missing * up).sum(axis=1).mean()
+        (data["gyro"][starts + 1] - end.rates).mean(axis=0), (missing * up).sum(axis=1).mean()
     )
     trim /= CYCLE
-    one = advance(begin, model, voltage[starts], trim)
+    end = advance(begin, model, voltage[starts], trim)
     state = begin
     for k in range(HORIZON):
         state = advance(state, model, voltage[starts + k], trim)
     after = starts + HORIZON
-    up, wanted = body_axes(state.attitude)[:, :, 2], body_axes(data["attitude"][after])[:, :, 2]
+    up, flown_up = body_axes(state.attitude)[:, :, 2], body_axes(data["attitude"][after])[:, :, 2]
     return {
-        "step_velocity": rms(one.velocity - data["velocity"][starts + 1]),
-        "step_rates": rms(one.rates - data["gyro"][starts + 1]),
+        "step_velocity": rms(end.velocity - data["velocity"][starts + 1]),
+        "step_rates": rms(end.rates - data["gyro"][starts + 1]),
         "half_position": rms(state.position - data["position"][after]),
         "half_velocity": rms(state.velocity - data["velocity"][after]),
-        "half_tilt": float(np.degrees(rms(up - wanted))),
+        "half_tilt": float(np.degrees(rms(up - flown_up))),
     }

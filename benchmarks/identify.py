@@ -75,11 +75,11 @@ def motor_lag(flight: Flight) -> float:
 
     What changes within a second counts; the delay of the accelerometer's filter is subtracted.
     """
-    wanted = (motor_voltages(flight) ** 2).sum(axis=1)
+    squared_voltage = (motor_voltages(flight) ** 2).sum(axis=1)
     felt = _quick(flight.data["accelerometer"][:, 2])[flight.counted][SECOND:-SECOND]
     residuals = []
     for lag in LAGS:
-        thrust = _quick(lagged(wanted, lag))[flight.counted][SECOND:-SECOND]
+        thrust = _quick(lagged(squared_voltage, lag))[flight.counted][SECOND:-SECOND]
         residuals.append(1 - np.corrcoef(thrust, felt)[0, 1] ** 2)
     return float(LAGS[int(np.argmin(residuals))]) - ACCELEROMETER_DELAY
 

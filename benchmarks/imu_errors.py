@@ -32,16 +32,16 @@ def main() -> None:
     print(f"{'':18s} {'°/s':>9s} {'°':>6s} {'°/s':>7s} {'mg':>14s} mg")
     rows = []
     for path in recorded(folder):
-        found = identify(np.load(path))
-        rows.append(found)
-        print(f"{path.stem:18s}", line(found))
+        errors = identify(np.load(path))
+        rows.append(errors)
+        print(f"{path.stem:18s}", line(errors))
     table = np.array(rows)
     print(f"{'std':18s}", line(table.std(axis=0)))
     print(f"{'median magnitude':18s}", line(np.median(np.abs(table), axis=0)))
 
 
-def line(found: Any) -> str:
-    drift, change, noise, *forces = found
+def line(errors: Any) -> str:
+    drift, change, noise, *forces = errors
     bias, slow = forces[:3], forces[3:]
     return f"{drift:9.3f} {change:6.2f} {noise:7.2f} {numbers(bias)} {numbers(slow)}"
 

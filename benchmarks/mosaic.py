@@ -45,29 +45,31 @@ def compare(name: str, condition: str, colors: float, count: int) -> dict[str, f
     """Return the share of tags found and the corners' RMS error, px, for each way."""
     camera = Camera(width=SIZE[0], height=SIZE[1], pixels=PIXELS)
     errors: dict[str, list[float]] = {way: [] for way in ("gray", *WAYS)}
-    there = 0
+    present = 0
     for k in range(count):
         rng = np.random.default_rng(k)
         still = CONDITIONS[condition]._replace(noise=0.0, jpeg=100)
         image, truth = scene(rng, still, 25, SIZE)
-        there += len(truth)
+        present += len(truth)
         noise = rng.normal(0, NOISE, image.shape)
-        seen = image * _colors(rng, colors) * color_response(camera) + noise
-        mosaic = _image(np.clip(np.rint(seen), 0, 255))
+        light = image * _colors(rng, colors) * color_response(camera) + noise
+        mosaic = _image(np.clip(np.rint(light), 0, 255))
         images = {"gray": _image(np.clip(np.rint(image + noise), 0, 255))}
         images |= {way: read(mosaic) for way, read in WAYS.items()}
-        for way, shown in images.items():
-            errors[way] += _errors(shown, truth)
-    found = {f"{name}_{way}_share_found": len(off) / there for way, off in errors.items()}
+        for way, gray in images.items():
+            errors[way] += _errors(gray, truth)
+    shares = {f"{name}_{way}_share_found": len(off) / present for way, off in errors.items()}
     rms = {
         f"{name}_{way}_corner_rms_px": math.sqrt(float(np.mean(np.square(off))))
         for way, off in errors.items()
     }
-    return found | rms
+    return shares | rms
 
 
 def _errors(image: Image, truth: list[Sighting]) -> list[float]:
-    return [one.distance(tag) for one in ours(image) for tag in truth if one.same(tag)]
+    return [
+        sighting.distance(tag) for sighting in ours(image) for tag in truth if sighting.same(tag)
+    ]
 
 
 def _colors(rng: np.random.Generator, spread: float) -> np.ndarray[tuple[int, ...], np.dtype]:

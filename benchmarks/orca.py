@@ -87,13 +87,13 @@ def moments(scenario: str, n: int, seed: int) -> Iterator[State]:
     position, goal = crowd(n, random) if scenario == "crowd" else disc(n, random)
     velocity = np.zeros((n, 3))
     longest = np.linalg.norm(goal - position, axis=1).max() / (SPEED * PERIOD)
-    wanted = {int(longest * moment) for moment in MOMENTS}
+    moments = {int(longest * moment) for moment in MOMENTS}
     simulator = pyrvo_with(State(position, velocity, velocity))
-    for step in range(max(wanted) + 1):
+    for step in range(max(moments) + 1):
         way = goal - position
         length = np.linalg.norm(way, axis=1, keepdims=True)
         wish = way * SPEED / np.maximum(length, SPEED)
-        if step in wanted:
+        if step in moments:
             yield State(position, velocity, wish)
         give(simulator, State(position, velocity, wish))
         simulator.do_step()
@@ -127,20 +127,20 @@ def measure(scenario: str, n: int) -> Figures:
     for state in (state for seed in seeds for state in moments(scenario, n, seed)):
         simulator = pyrvo_with(state)
         ticks = [state, *following(simulator, state)]
-        asked = [for_ours(tick) for tick in ticks[:-1]]
-        for arguments, after in zip(asked, ticks[1:], strict=True):
+        questions = [for_ours(tick) for tick in ticks[:-1]]
+        for arguments, after in zip(questions, ticks[1:], strict=True):
             differences.append(np.linalg.norm(orca(*arguments) - after.velocity, axis=1))
         for _ in range(rounds):
-            orca(*asked[0])  # each side answers once unasked, so that neither comes in cold
+            orca(*questions[0])  # each side answers once unasked, so that neither comes in cold
             start = perf_counter_ns()
-            for arguments in asked:
+            for arguments in questions:
                 orca(*arguments)
             ours.append(since(start))
 
             simulator.do_step()
             give(simulator, state)
             start = perf_counter_ns()
-            for _ in asked:
+            for _ in questions:
                 simulator.do_step()
             peer.append(since(start))
 

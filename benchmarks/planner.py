@@ -47,27 +47,27 @@ class Naive:
         self.corner = np.unique(shapely.get_coordinates(ground), axis=0)
         self._inside = ground.buffer(-ENTERS, join_style="mitre")
         shapely.prepare(self._inside)
-        one, other = np.triu_indices(len(self.corner), 1)
-        self._one, self._other, self._length = self._stretches(one, other, self.corner)
+        first, second = np.triu_indices(len(self.corner), 1)
+        self._first, self._second, self._length = self._stretches(first, second, self.corner)
 
     def length(self, start: Array, goal: Array) -> float:
         """Length of the shortest path, m; infinity if there is none."""
         n = len(self.corner)
         point = np.vstack([self.corner, start, goal])
-        one = np.repeat([n, n + 1, n], [n, n, 1])
-        other = np.concatenate([np.arange(n), np.arange(n), [n + 1]])
-        more = self._stretches(one, other, point)
+        first = np.repeat([n, n + 1, n], [n, n, 1])
+        second = np.concatenate([np.arange(n), np.arange(n), [n + 1]])
+        more = self._stretches(first, second, point)
         rows, columns, length = (
             np.concatenate(pair)
-            for pair in zip((self._one, self._other, self._length), more, strict=True)
+            for pair in zip((self._first, self._second, self._length), more, strict=True)
         )
         net: Any = csr_array((length, (rows, columns)), shape=(n + 2, n + 2))
         return float(dijkstra(net, directed=False, indices=[n])[0, n + 1])
 
-    def _stretches(self, one: Any, other: Any, point: Array) -> tuple[Any, Any, Array]:
-        line = np.array(shapely.linestrings(np.stack([point[one], point[other]], axis=1)))
+    def _stretches(self, first: Any, second: Any, point: Array) -> tuple[Any, Any, Array]:
+        line = np.array(shapely.linestrings(np.stack([point[first], point[second]], axis=1)))
         free = ~shapely.intersects(self._inside, line)
-        return one[free], other[free], shapely.length(line[free])
+        return first[free], second[free], shapely.length(line[free])
 
 
 def main() -> None:

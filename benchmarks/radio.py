@@ -111,13 +111,13 @@ def connecting(drones: Drones) -> dict[str, float]:
     times: dict[str, list[float]] = {}
     for _ in range(ROUNDS):
         with TemporaryDirectory() as ours, TemporaryDirectory() as theirs:
-            for what in ("cold", "cached"):
+            for tables in ("cold", "cached"):
                 took, failure = connected(drones.scene(), Path(ours))
                 if failure:
                     raise SystemExit(failure)
-                times.setdefault(f"connect_{what}_s", []).append(took)
+                times.setdefault(f"connect_{tables}_s", []).append(took)
                 took = connected_by_cflib(drones.uris, Path(theirs))
-                times.setdefault(f"connect_{what}_cflib_s", []).append(took)
+                times.setdefault(f"connect_{tables}_cflib_s", []).append(took)
             took, failure = connected(drones.scene(dead=1), Path(ours))
             if f"cf{MANY} (" not in failure:
                 raise SystemExit(f"the dead drone is not named: {failure!r}")
@@ -125,9 +125,9 @@ def connecting(drones: Drones) -> dict[str, float]:
             took, _ = connected(drones.scene(dead=1), Path(ours), absent="fly-without")
             times.setdefault("connect_without_s", []).append(took)
     figures = {name: statistics.median(values) for name, values in times.items()}
-    for what in ("cold", "cached"):
-        ours_s, theirs_s = figures[f"connect_{what}_s"], figures[f"connect_{what}_cflib_s"]
-        figures[f"connect_{what}_ratio"] = theirs_s / ours_s
+    for tables in ("cold", "cached"):
+        ours_s, theirs_s = figures[f"connect_{tables}_s"], figures[f"connect_{tables}_cflib_s"]
+        figures[f"connect_{tables}_ratio"] = theirs_s / ours_s
     return figures
 
 

@@ -83,11 +83,11 @@ def replay(flight: Flight, controller: str, estimate: str) -> dict[str, Array]:
         "voltage": np.full(len(time), np.nan),
     }
     for k in range(began, flight.counted.stop):
-        wanted = data["setpoint"][k]
-        if np.any(wanted != 0):
+        setpoint = data["setpoint"][k]
+        if np.any(setpoint != 0):
             drone["mode"], drone["axes"] = DEMAND, POSITION
-            drone["reference_position"] = wanted[:3] - (0.0, 0.0, flight.floor)
-            drone["reference_yaw"] = np.radians(wanted[3])
+            drone["reference_position"] = setpoint[:3] - (0.0, 0.0, flight.floor)
+            drone["reference_yaw"] = np.radians(setpoint[3])
         else:
             drone["mode"] = OFF
         flown["position"][k] = drone["position"] + (0.0, 0.0, flight.floor)
@@ -140,26 +140,26 @@ def compare(flight: Flight, controller: str) -> dict[str, float]:
 
 def main() -> None:
     """Print the figures."""
-    options = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0])
-    options.add_argument("folder", nargs="?", type=Path, default=FOLDER)
-    options.add_argument("--controller", choices=["ideal", "pid", "mellinger"])
-    options.add_argument("--json", action="store_true", help="print one JSON object, only")
-    given = options.parse_args()
+    parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0])
+    parser.add_argument("folder", nargs="?", type=Path, default=FOLDER)
+    parser.add_argument("--controller", choices=["ideal", "pid", "mellinger"])
+    parser.add_argument("--json", action="store_true", help="print one JSON object, only")
+    options = parser.parse_args()
     models: dict[str, Model] = {"simulator": ours}
     for drone in ("cf2x_L250", "cf2x_P250"):
         peer = theirs(drone)
         if peer is not None:
             models[f"drone-models {drone}"] = peer
     figures: dict[str, Any] = {}
-    for path in recorded(given.folder):
+    for path in recorded(options.folder):
         flight = read(path)
-        row: dict[str, Any] = {"controller": given.controller or flight.controller}
+        row: dict[str, Any] = {"controller": options.controller or flight.controller}
         row |= compare(flight, row["controller"])
         row["predictions"] = {name: predict(flight, model) for name, model in models.items()}
         figures[flight.name] = row
-        if not given.json:
+        if not options.json:
             print_row(flight.name, row, header=len(figures) == 1)
-    if given.json:
+    if options.json:
         print(json.dumps(figures))
     else:
         print_summary(figures)

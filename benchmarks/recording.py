@@ -53,8 +53,8 @@ class Clock:
 
 
 def _clocks() -> tuple[float, float]:
-    others = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return time.process_time(), others.ru_utime + others.ru_stime
+    children = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return time.process_time(), children.ru_utime + children.ru_stime
 
 
 def cost(mission: Path, folder: Path | None) -> dict[str, float]:
@@ -63,11 +63,11 @@ def cost(mission: Path, folder: Path | None) -> dict[str, float]:
     with patch.dict(os.environ, {"STAR_BLOCK_PLUGINS": blocked}):
         registry = Registry(clock := Clock())
     summary = fly(load(mission, registry), registry, folder=folder)
-    here, others = clock.used
+    program, writer = clock.used
     share = 100 / summary["flight_time_s"]
     return {
-        "program": here * share,
-        "writer": others * share,
+        "program": program * share,
+        "writer": writer * share,
         "flight_time_s": summary["flight_time_s"],
     }
 
@@ -75,15 +75,15 @@ def cost(mission: Path, folder: Path | None) -> dict[str, float]:
 def main() -> None:
     """Print the figures."""
     options = command_line(__doc__, rounds=ROUNDS).parse_args()
-    found: dict[str, list[dict[str, float]]] = {"recorded": [], "not recorded": []}
+    costs: dict[str, list[dict[str, float]]] = {"recorded": [], "not recorded": []}
     with TemporaryDirectory() as name:
         mission = write(Path(name), AGENTS, RADIUS, TRANSPORT, TURNS)
         for number in range(options.rounds):  # the first flight, a recorded one, loads the kernels
-            found["recorded"].append(cost(mission, Path(name) / str(number)))
-            found["not recorded"].append(cost(mission, None))
+            costs["recorded"].append(cost(mission, Path(name) / str(number)))
+            costs["not recorded"].append(cost(mission, None))
     table: Mapping[str, Any] = {
-        kind: {key: statistics.median(one[key] for one in rows) for key in rows[0]}
-        for kind, rows in found.items()
+        kind: {key: statistics.median(row[key] for row in rows) for key in rows[0]}
+        for kind, rows in costs.items()
     }
     program = table["recorded"]["program"] - table["not recorded"]["program"]
     total = program + table["recorded"]["writer"]

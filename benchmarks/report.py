@@ -72,9 +72,9 @@ def opened(page: Path, rounds: int) -> dict[str, float]:
                 times[name].append(time.perf_counter() - begun)
             tab.close()
         browser.close()
-    others = [url for url in requests if url != page.as_uri() and not url.startswith("data:")]
+    further = [url for url in requests if url != page.as_uri() and not url.startswith("data:")]
     medians = {name: statistics.median(taken) for name, taken in times.items()}
-    return {**medians, "requests": float(len(others))}
+    return {**medians, "requests": float(len(further))}
 
 
 def flown(folder: Path) -> dict[str, float]:

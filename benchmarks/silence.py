@@ -49,8 +49,8 @@ def commands() -> Iterator[str]:
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     blocks = re.findall(r"```sh\n(.*?)```", text, re.DOTALL)
     lines = [line.partition("#")[0].strip() for block in blocks for line in block.splitlines()]
-    known = [line for line in lines if line.startswith(("star ", "star-run "))]
-    yield from dict.fromkeys(known)
+    ours = [line for line in lines if line.startswith(("star ", "star-run "))]
+    yield from dict.fromkeys(ours)
 
 
 def measured(command: str, output: str, cache: str, folder: Path, limit: float) -> Figures:
@@ -100,13 +100,13 @@ def stop(process: subprocess.Popen[bytes]) -> None:
 
 def main() -> None:
     """Print the figures."""
-    options = command_line(__doc__, limit=LIMIT)
-    options.add_argument("--only", default="", metavar="TEXT", help="commands that contain TEXT")
-    given = options.parse_args()
-    if not given.json:
+    parser = command_line(__doc__, limit=LIMIT)
+    parser.add_argument("--only", default="", metavar="TEXT", help="commands that contain TEXT")
+    options = parser.parse_args()
+    if not options.json:
         print("| command | output, kernels | first output, s | longest silence, s | total, s |")
         print("|---|---|---:|---:|---:|")
-    for command in (line for line in commands() if given.only in line):
+    for command in (line for line in commands() if options.only in line):
         for output, goal in GOALS.items():
             with TemporaryDirectory() as name:
                 folder = Path(name)
@@ -114,13 +114,13 @@ def main() -> None:
                 if "runs/latest" in command:
                     measured("star run missions/hello.yaml", "pipe", "full", folder, LIMIT)
                 for cache, kernels in (("empty", "compiled"), ("full", "loaded")):
-                    found = measured(command, output, cache, folder, given.limit)
-                    if given.json:
-                        print(json.dumps(asdict(found)), flush=True)
+                    figures = measured(command, output, cache, folder, options.limit)
+                    if options.json:
+                        print(json.dumps(asdict(figures)), flush=True)
                         continue
-                    late = " **over**" if found.longest > goal else ""
-                    row = f"| `{command}` | {output}, {kernels} | {found.first:.1f} "
-                    print(f"{row}| {found.longest:.1f}{late} | {found.total:.1f} |", flush=True)
+                    late = " **over**" if figures.longest > goal else ""
+                    row = f"| `{command}` | {output}, {kernels} | {figures.first:.1f} "
+                    print(f"{row}| {figures.longest:.1f}{late} | {figures.total:.1f} |", flush=True)
 
 
 if __name__ == "__main__":

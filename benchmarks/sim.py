@@ -80,8 +80,8 @@ class NumpySwarm:
         inside = np.einsum("ijn,ni->nj", frame, push)
         ahead, aside, lift = inside.T / np.linalg.norm(push, axis=1)
         lift = np.maximum(0, inside[:, 2])
-        wanted = np.stack([-attitude.ATTITUDE_GAIN * aside, attitude.ATTITUDE_GAIN * ahead], axis=1)
-        torque = a.INERTIA_XY * attitude.RATE_GAIN * (wanted - self.rates[:, :2]) / (4 * a.ARM)
+        target = np.stack([-attitude.ATTITUDE_GAIN * aside, attitude.ATTITUDE_GAIN * ahead], axis=1)
+        torque = a.INERTIA_XY * attitude.RATE_GAIN * (target - self.rates[:, :2]) / (4 * a.ARM)
         roll, pitch = torque.T
         turn = a.INERTIA_Z * attitude.YAW_RATE_GAIN * (yaw_rate - self.rates[:, 2])
         turn /= 4 * a.TORQUE_PER_THRUST

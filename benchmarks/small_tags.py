@@ -79,18 +79,22 @@ def scenes(count: int, tags: int, conditions: Sequence[str]) -> dict[str, float]
     detectors = peers() | {"our": ours}
     for name in conditions:
         drawn = [scene(np.random.default_rng(k), CONDITIONS[name], tags) for k in range(count)]
-        there = sum(len(truth) for _, truth in drawn)
-        for whose, detect in detectors.items():
-            found, extra, errors = 0, 0, []
+        present = sum(len(truth) for _, truth in drawn)
+        for detector, detect in detectors.items():
+            matches, extra, errors = 0, 0, []
             for image, truth in drawn:
-                seen = detect(image)
-                pairs = [(one, tag) for one in seen for tag in truth if one.same(tag)]
-                found += len({tag.tag for _, tag in pairs})
-                extra += len(seen) - len(pairs)
-                errors += [one.distance(tag) for one, tag in pairs]
-            figures[f"{name}_{whose}_share_found"] = found / there
-            figures[f"{name}_{whose}_corner_px"] = float(np.median(errors)) if errors else math.nan
-            figures[f"{name}_{whose}_false"] = float(extra)
+                sightings = detect(image)
+                pairs = [
+                    (sighting, tag) for sighting in sightings for tag in truth if sighting.same(tag)
+                ]
+                matches += len({tag.tag for _, tag in pairs})
+                extra += len(sightings) - len(pairs)
+                errors += [sighting.distance(tag) for sighting, tag in pairs]
+            figures[f"{name}_{detector}_share_found"] = matches / present
+            figures[f"{name}_{detector}_corner_px"] = (
+                float(np.median(errors)) if errors else math.nan
+            )
+            figures[f"{name}_{detector}_false"] = float(extra)
     return figures
 
 
@@ -101,14 +105,21 @@ def photographs(folder: Path) -> dict[str, float]:
         image = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
         listed = path.with_suffix(".txt")
         for name, changed in variants(np.asarray(image, np.uint8)):
-            seen = {whose: detect(changed) for whose, detect in peers().items()}
+            sightings = {detector: detect(changed) for detector, detect in peers().items()}
             if name == "as_it_is" and listed.is_file():
-                seen["library"] = reference(listed)
+                sightings["library"] = reference(listed)
             mine = ours(changed)
-            figures |= {f"{path.stem}_{name}_{w}": float(len(found)) for w, found in seen.items()}
+            figures |= {
+                f"{path.stem}_{name}_{w}": float(len(tags)) for w, tags in sightings.items()
+            }
             figures[f"{path.stem}_{name}_ours"] = float(len(mine))
-            if "library" in seen:
-                pairs = [(one, tag) for tag in seen["library"] for one in mine if one.same(tag)]
+            if "library" in sightings:
+                pairs = [
+                    (sighting, tag)
+                    for tag in sightings["library"]
+                    for sighting in mine
+                    if sighting.same(tag)
+                ]
                 common, apart = len({id(t) for _, t in pairs}), [a.distance(b) for a, b in pairs]
                 figures[f"{path.stem}_{name}_of_the_librarys"] = float(common)
                 figures[f"{path.stem}_{name}_apart_px"] = float(np.median(apart or [math.nan]))
@@ -148,8 +159,8 @@ def ours(image: Image) -> list[Sighting]:
     height, width = image.shape
     matrix = (float(width), float(width), width / 2, height / 2)
     camera = Camera(width=width, height=height, matrix=matrix, distortion=(0.0, 0.0, 0.0, 0.0, 0.0))
-    found = Detector(CameraModel(camera)).detect(image)
-    return [Sighting(*one) for one in zip(found.tag.tolist(), found.corners, strict=True)]
+    tags = Detector(CameraModel(camera)).detect(image)
+    return [Sighting(*row) for row in zip(tags.tag.tolist(), tags.corners, strict=True)]
 
 
 def opencv(image: Image) -> list[Sighting]:
@@ -166,7 +177,7 @@ def library() -> Detect:
     from pupil_apriltags import Detector as Peer
 
     peer = Peer(families="tag36h11", nthreads=1, quad_decimate=1.0)
-    return lambda image: [Sighting(one.tag_id, one.corners - 0.5) for one in peer.detect(image)]
+    return lambda image: [Sighting(tag.tag_id, tag.corners - 0.5) for tag in peer.detect(image)]
 
 
 def scene(

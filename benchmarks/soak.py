@@ -254,9 +254,9 @@ def fly(folder: Path, drones: int, minutes: float) -> Soak:
 
 def ends(samples: dict[float, Any], warm: float) -> tuple[float, float]:
     """Return the median of the tenth of the samples after `warm`, s, and of the last tenth."""
-    kept = [value for when, value in samples.items() if when >= warm][:-CLOSING]
-    tenth = max(1, len(kept) // 10)
-    return statistics.median(kept[:tenth]), statistics.median(kept[-tenth:])
+    values = [value for when, value in samples.items() if when >= warm][:-CLOSING]
+    tenth = max(1, len(values) // 10)
+    return statistics.median(values[:tenth]), statistics.median(values[-tenth:])
 
 
 def figures(soak: Soak) -> dict[str, float]:

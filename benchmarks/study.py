@@ -250,9 +250,9 @@ def flown(path: Path, out: Path, engine: Engine) -> float:
 def flights(folder: Path) -> Iterator[tuple[str, float]]:
     """Yield how much faster two cores are than one."""
     path = write(folder, 1, FLIGHTS)
-    one = flown(path, folder / "one", Processes(1))
-    two = flown(path, folder / "two", Processes(2))
-    yield f"two cores over one, {FLIGHTS} flights", one / two
+    single = flown(path, folder / "one", Processes(1))
+    double = flown(path, folder / "two", Processes(2))
+    yield f"two cores over one, {FLIGHTS} flights", single / double
 
 
 def spent_by(processes: list[int]) -> float:
@@ -267,14 +267,14 @@ def spent_by(processes: list[int]) -> float:
     return total
 
 
-def per_run(folder: Path, name: str, engine: Callable[[], Engine], others: list[int]) -> float:
+def per_run(folder: Path, name: str, engine: Callable[[], Engine], processes: list[int]) -> float:
     """Return the processor time of a run in a study, s, without that of starts."""
     spent = []
     for n in (SHORT_FLIGHTS, 3 * SHORT_FLIGHTS):
         path = write(folder, 1, n, SHORT)
-        before = spent_by(others)
+        before = spent_by(processes)
         flown(path, folder / f"{name}-{n}", engine())
-        spent.append(spent_by(others) - before)
+        spent.append(spent_by(processes) - before)
     return (spent[1] - spent[0]) / (2 * SHORT_FLIGHTS)
 
 

@@ -61,13 +61,13 @@ class TickTimes:
 
 def fixed_loop() -> float:
     """Return the least processor time of the fixed loop, us."""
-    one, other = np.linspace(-1.0, 1.0, 9).reshape(3, 3), np.eye(3)
+    ramp, identity = np.linspace(-1.0, 1.0, 9).reshape(3, 3), np.eye(3)
     best = sys.maxsize
     for _ in range(ROUNDS):
         begun = thread_time_ns()
         total = 0.0
         for number in range(100):
-            total += float(np.sqrt(np.where(one > 0.0, one, other)).sum()) * number
+            total += float(np.sqrt(np.where(ramp > 0.0, ramp, identity)).sum()) * number
         best = min(best, thread_time_ns() - begun)
     return best / 1000
 
@@ -120,21 +120,21 @@ def step_over_tick(flights: int) -> dict[str, float]:
 
 def main() -> None:
     """Print the figures."""
-    options = command_line(__doc__)
-    options.add_argument("--agents", type=int, nargs="+", default=[*FLIGHTS], help="%(default)s")
-    options.add_argument("--flights", type=int, help="of each number of drones")
-    options.add_argument("--step", action="store_true", help="a step over the tick in it")
-    chosen = options.parse_args()
-    if chosen.step:
-        show(step_over_tick(chosen.flights or FLIGHTS[3]), as_json=chosen.json)
+    parser = command_line(__doc__)
+    parser.add_argument("--agents", type=int, nargs="+", default=[*FLIGHTS], help="%(default)s")
+    parser.add_argument("--flights", type=int, help="of each number of drones")
+    parser.add_argument("--step", action="store_true", help="a step over the tick in it")
+    options = parser.parse_args()
+    if options.step:
+        show(step_over_tick(options.flights or FLIGHTS[3]), as_json=options.json)
         return
     figures = {}
-    for agents in chosen.agents:
-        figures[agents] = measure(agents, chosen.flights or FLIGHTS.get(agents, 4))
-        if not chosen.json:
+    for agents in options.agents:
+        figures[agents] = measure(agents, options.flights or FLIGHTS.get(agents, 4))
+        if not options.json:
             print(f"{agents} drones")
             show(figures[agents], as_json=False)
-    if chosen.json:
+    if options.json:
         print(json.dumps(figures))
 
 

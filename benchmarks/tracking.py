@@ -101,11 +101,11 @@ def errors(
 
 def main() -> None:
     """Print the figures."""
-    options = argparse.ArgumentParser(description=__doc__)
-    options.add_argument("file", type=Path)
-    options.add_argument("--seeds", type=int, default=8, help="%(default)s")
-    chosen = options.parse_args()
-    path = read_trajectory(chosen.file, chosen.file.name, "poly7")
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("file", type=Path)
+    parser.add_argument("--seeds", type=int, default=8, help="%(default)s")
+    arguments = parser.parse_args()
+    path = read_trajectory(arguments.file, arguments.file.name, "poly7")
     expected = tracking_error(path, 1.0, 0.05, on_board=False)
     print(f"{'':22}{'RMS':>7}{'most':>7}{'beyond':>8}")
     print(f"{'expected':22}{expected.rms:7.3f}{expected.most:7.3f}")
@@ -114,10 +114,10 @@ def main() -> None:
         (folder / "room.yaml").write_text(WORLD)
         (folder / "mission.yaml").write_text(MISSION)
         (folder / "on-board.yaml").write_text(MISSION.replace("poly7}", "poly7, on_board: true}"))
-        (folder / "path.csv").write_text(chosen.file.read_text())
+        (folder / "path.csv").write_text(arguments.file.read_text())
         for kind, changes in FLIGHTS.items():
             flown = path if kind.startswith(ON_BOARD) else None
-            error = errors(folder, changes, chosen.seeds, flown)
+            error = errors(folder, changes, arguments.seeds, flown)
             rms, beyond = np.sqrt(np.mean(error**2)), np.mean(error > LIMIT)
             print(f"{kind:22}{rms:7.3f}{error.max():7.3f}{beyond:8.1%}", flush=True)
 

@@ -78,8 +78,8 @@ def main() -> None:
         for flight in pool.map(fly_seed, seeds):
             flights.append(flight)
             if flight.reason or flight.contacts:
-                why = flight.reason or "completed"
-                print(f"seed {flight.seed}: {flight.contacts} contacts; {why}", flush=True)
+                reason = flight.reason or "completed"
+                print(f"seed {flight.seed}: {flight.contacts} contacts; {reason}", flush=True)
     completed = sum(not flight.reason for flight in flights)
     clear = sum(not flight.contacts for flight in flights)
     clearance = sorted(flight.clearance for flight in flights)

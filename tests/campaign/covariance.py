@@ -85,12 +85,12 @@ def main() -> None:
     parser.add_argument("--json", action="store_true", help="print one JSON object, nothing else")
     parser.add_argument("--seeds", type=int, default=SEEDS, help="how many; default %(default)s")
     arguments = parser.parse_args()
-    found = {name: judged(name, arguments.seeds) for name in PATHS}
+    figures = {name: judged(name, arguments.seeds) for name in PATHS}
     if arguments.json:
-        print(json.dumps(found))
+        print(json.dumps(figures))
         return
     print(f"{'':14} {'rms, m':>8} {'NEES':>6} {'beyond, %':>10}   (goal: at most {GOAL:g})")
-    for name, (rms, nees, beyond) in found.items():
+    for name, (rms, nees, beyond) in figures.items():
         print(f"{name:14} {rms:8.3f} {nees:6.2f} {beyond:10.2f}")
 
 

@@ -77,8 +77,8 @@ def run(root: Path, name: str) -> Result:
     if stopped := STOPPED.match(summary["reason"]):
         return Result(name, "stopped", stopped[0], text)
     reason = failure or summary["reason"]
-    if found := FAILURE.search(text):
-        reason = found[0]
+    if match := FAILURE.search(text):
+        reason = match[0]
     elif any(summary["collisions"].values()):
         reason = f"collisions: {summary['collisions']}"
     elif script not in STAY and not summary["path_length_m"]["total"]:

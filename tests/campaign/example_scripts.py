@@ -91,13 +91,13 @@ def campaign(
         root = Path(name)
         shutil.copytree(folder, root / "examples")
         prepare(root)
-        chosen = [
+        scripts = [
             e
             for e in names(root / "examples")
             if not arguments.examples or any(part in e for part in arguments.examples)
         ]
         with ThreadPoolExecutor(arguments.jobs) as pool:
-            for result in pool.map(lambda each: run(root, each), chosen):
+            for result in pool.map(lambda each: run(root, each), scripts):
                 results.append(result)
                 print(f"{result.outcome:10}{result.name:60}{result.reason}", flush=True)
                 if arguments.output and result.outcome == "fails":
@@ -114,13 +114,13 @@ def table(results: Sequence[Result]) -> str:
     folders = {result.name.rpartition("/")[0] for result in results}
     for folder in sorted(folders):
         rows = [result for result in results if result.name.rpartition("/")[0] == folder]
-        others = [
+        failures = [
             f"`{row.name.rpartition('/')[2]}`: {row.reason}"
             for row in rows
             if row.outcome != "runs"
         ]
-        count = len(rows) - len(others)
-        lines.append(f"| {folder or '.'} | {len(rows)} | {count} | {'; '.join(others)} |")
+        count = len(rows) - len(failures)
+        lines.append(f"| {folder or '.'} | {len(rows)} | {count} | {'; '.join(failures)} |")
     return "\n".join(lines)
 
 

@@ -102,17 +102,17 @@ def flown(cell: Cell, seed: int, world: str) -> dict[str, Any]:
     begun = time.process_time()
     random = np.random.default_rng([seed, crc32(cell.name.encode())])
     at, victim = round(float(random.uniform(*CROSSING_TIME)), 2), f"cf{random.integers(1, 5)}"
-    given = list(cell.faults)
+    cell_faults = list(cell.faults)
     if cell.pairs:
         pairs = list(combinations(RULED, 2))
-        given = [fault for _, fault in pairs[seed % len(pairs)]]
+        cell_faults = [fault for _, fault in pairs[seed % len(pairs)]]
     faults = [
         {
             **({"at": at} if fault["component"] != "tags" else {}),
             **fault,
             **({"agents": victim} if fault.get("agents") == "one" else {}),
         }
-        for fault in given
+        for fault in cell_faults
     ]
     witness, registry = Witness(cell, at), Registry()
     registry.add(witness, Source("matrix:witness"))

@@ -51,20 +51,20 @@ def table(results: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
     yield f"| {' | '.join(heads)} |"
     yield "|---" * len(heads) + "|"
     for cell in CELLS:
-        flights = [one for key, one in results.items() if key.rpartition("/")[0] == cell.name]
+        flights = [flight for key, flight in results.items() if key.rpartition("/")[0] == cell.name]
         if not flights:
             continue
-        n, bad = len(flights), sum(bool(one["broken"]) for one in flights)
-        policies = Counter(name for one in flights for name in one["broken"])
-        why = ", ".join(f"{name} {count}" for name, count in policies.most_common())
+        n, bad = len(flights), sum(bool(flight["broken"]) for flight in flights)
+        policies = Counter(name for flight in flights for name in flight["broken"])
+        policy_counts = ", ".join(f"{name} {count}" for name, count in policies.most_common())
         statuses = ", ".join(
             f"{k}: {v}" for k, v in sorted(Counter(f["status"] for f in flights).items())
         )
-        nearest = min((one.get("nearest", np.inf) for one in flights), default=np.inf)
-        down = max((one.get("down", 0.0) for one in flights), default=0.0)
+        nearest = min((flight.get("nearest", np.inf) for flight in flights), default=np.inf)
+        down = max((flight.get("down", 0.0) for flight in flights), default=0.0)
         yield (
-            f"| {cell.row} | {cell.name} | {n} | {bad} | {100 * upper_bound(bad, n):.0f} % | {why} "
-            f"| {statuses} | {f'{nearest:.2f} m' if nearest < np.inf else ''} "
+            f"| {cell.row} | {cell.name} | {n} | {bad} | {100 * upper_bound(bad, n):.0f} % "
+            f"| {policy_counts} | {statuses} | {f'{nearest:.2f} m' if nearest < np.inf else ''} "
             f"| {f'{down:.1f} s' if down else ''} |"
         )
 
@@ -133,16 +133,16 @@ def _commit() -> str:
 def costs(results: Mapping[str, Any], missing: Sequence[tuple[int, int]]) -> Iterator[str]:
     """Yield what the missing flights of each row take, by flights of their cells in the results."""
     measured: dict[str, list[float]] = {}
-    for key, one in results.items():
-        measured.setdefault(key.rpartition("/")[0], []).append(one.get("cpu_s", 0.0))
+    for key, flight in results.items():
+        measured.setdefault(key.rpartition("/")[0], []).append(flight.get("cpu_s", 0.0))
     total = 0.0
     for row in dict.fromkeys(cell.row for cell in CELLS):
         names = [CELLS[index].name for index, _ in missing if CELLS[index].row == row]
-        known = [np.mean(measured[name]) for name in names if name in measured]
-        seconds = float(np.mean(known)) * len(names) if known else 0.0
+        means = [np.mean(measured[name]) for name in names if name in measured]
+        seconds = float(np.mean(means)) * len(names) if means else 0.0
         total += seconds
         if names:
-            took = f"{seconds / 60:.0f} min of processor time" if known else "not measured yet"
+            took = f"{seconds / 60:.0f} min of processor time" if means else "not measured yet"
             yield f"row {row}: {len(names)} flights, {took}"
     if total:
         yield f"all that is measured: {total / 3600:.1f} h of processor time"
@@ -181,14 +181,14 @@ def main() -> None:
     if options.estimate:
         return
     fly_missing(results, missing, options)
-    made = "\n".join(table(results))
-    print(made)
+    rows = "\n".join(table(results))
+    print(rows)
     if options.page:
         text = options.page.read_text(encoding="utf-8")
         before, _, rest = text.partition("<!-- table -->\n")
         _, _, after = rest.partition("<!-- end -->\n")
         options.page.write_text(
-            f"{before}<!-- table -->\n{made}\n\n<!-- end -->\n{after}", encoding="utf-8"
+            f"{before}<!-- table -->\n{rows}\n\n<!-- end -->\n{after}", encoding="utf-8"
         )
 
 

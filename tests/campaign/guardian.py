@@ -231,8 +231,8 @@ def inflict(fault: str, flight: subprocess.Popen[bytes], flag: Path) -> None:
 
 def cost(*, guarded: bool, room: Scene, cache: str, ticks: int) -> list[float]:
     """Return the time that the transport takes for each tick, ms: after it is due, and to send."""
-    given = {"cache": cache, "guardian": guarded, "report_period": 0.01}
-    radio = star_radio.make(room, **fill_defaults(given, OPTIONS))
+    options = {"cache": cache, "guardian": guarded, "report_period": 0.01}
+    radio = star_radio.make(room, **fill_defaults(options, OPTIONS))
     radio.connect()
     n = len(room.agents)
     still = Setpoint(np.zeros((n, 3)), np.zeros(n), np.ones(n, np.bool_))

@@ -163,7 +163,9 @@ def campaign(
 
 def counted(outcomes: Sequence[Outcome]) -> tuple[int, int]:
     """Return in how many flights a drone fell, and in how many one stayed in the air."""
-    return sum(bool(one.fell) for one in outcomes), sum(bool(one.aloft) for one in outcomes)
+    return sum(bool(outcome.fell) for outcome in outcomes), sum(
+        bool(outcome.aloft) for outcome in outcomes
+    )
 
 
 def main() -> int:
@@ -182,16 +184,16 @@ def main() -> int:
     header = " | ".join(f"{length:g} s" for length in options.lengths)
     lines = [f"| links cut in | {header} |", "|---|" + "---|" * len(options.lengths)]
 
-    def shown(name: str, outcomes: Sequence[Outcome], *, may_fall: bool = False) -> str:
+    def result(name: str, outcomes: Sequence[Outcome], *, may_fall: bool = False) -> str:
         nonlocal bad
         fell, aloft = counted(outcomes)
         bad |= bool(aloft or (fell and not may_fall))
         sys.stderr.write(f"{name}: {fell} / {aloft} of {len(outcomes)} flights\n")
         sys.stderr.flush()
         if options.verbose:
-            for seed, one in enumerate(outcomes):
-                if one.aloft or (one.fell and not may_fall):
-                    sys.stderr.write(f"{name}: seed {seed}: {one}\n")
+            for seed, outcome in enumerate(outcomes):
+                if outcome.aloft or (outcome.fell and not may_fall):
+                    sys.stderr.write(f"{name}: seed {seed}: {outcome}\n")
         return f"{fell} / {aloft}"
 
     with ProcessPoolExecutor(options.processes) as pool:
@@ -201,10 +203,10 @@ def main() -> int:
                 fly = partial(_cut_flight, phase, length, whole)
                 outcomes = campaign(fly, options.flights, pool)
                 name = f"{phase}, {length:g} s, {'all' if whole else 'one'}"
-                row.append(shown(name, outcomes, may_fall=excused(phase, length)))
+                row.append(result(name, outcomes, may_fall=excused(phase, length)))
             lines.append(f"| {phase}, {'all' if whole else 'one'} | {' | '.join(row)} |")
         if options.phases == list(PHASES):
-            link = shown("bad link", campaign(bad_link_flight, options.flights, pool))
+            link = result("bad link", campaign(bad_link_flight, options.flights, pool))
             lines += ["", f"20 % loss and 20 to 120 ms: {link}"]
     sys.stdout.write("\n".join(lines) + "\n")
     return int(bad)

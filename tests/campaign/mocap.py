@@ -144,8 +144,8 @@ def flown(
     mission = load(path, registry, [f"seed={seed}", *assignments])
     plugins: list[object] = [watch, *observers]
     if faults:
-        made = faults_of(list(faults), mission.scene)
-        plugins.append(FaultInjector(mission.scene, made))
+        faults_of_flight = faults_of(list(faults), mission.scene)
+        plugins.append(FaultInjector(mission.scene, faults_of_flight))
     registry = Registry(*plugins)
     summary = fly(load(path, registry, [f"seed={seed}", *assignments]), registry)
     rms = [float(np.sqrt(np.mean(squares or [0.0]))) for squares in (watch.planar, watch.heights)]
@@ -170,17 +170,17 @@ def passing(seed: int) -> bool:
 
 def latency_error(seed: int, latency: float) -> float:
     """Return the error of the estimated latency at the end of a flight, s."""
-    made: list[TimeOffset] = []
+    offsets: list[TimeOffset] = []
 
-    def kept(agents: int) -> TimeOffset:
-        made.append(TimeOffset(agents))
-        return made[-1]
+    def offset(agents: int) -> TimeOffset:
+        offsets.append(TimeOffset(agents))
+        return offsets[-1]
 
     changes = {"timestamps": "false", "latency": latency, "jitter": 0}
     with pytest.MonkeyPatch.context() as patch:  # the only way to its estimate
-        patch.setattr("star_mocap.localizer.TimeOffset", kept)
+        patch.setattr("star_mocap.localizer.TimeOffset", offset)
         flown(MISSION, seed, [f"transport.positioning.{k}={v}" for k, v in changes.items()])
-    return float(made[-1].latency.seconds) - latency
+    return float(offsets[-1].latency.seconds) - latency
 
 
 def faulty(seed: int, mode: str, **values: Any) -> Flown:

@@ -24,7 +24,7 @@ def main() -> int:
     parser.add_argument("--only", default="", help="mutants with this text in name or file")
     only = parser.parse_args().only
     mutants = tomllib.loads((ROOT / "tests/mutants.toml").read_text())["mutant"]
-    mutants = [one for one in mutants if only in one["name"] or only in one["file"]]
+    mutants = [mutant for mutant in mutants if only in mutant["name"] or only in mutant["file"]]
     noticed = 0
     with tempfile.TemporaryDirectory() as folder:
         tree = Path(folder)

@@ -119,10 +119,10 @@ def over_fleet(
             *(f"swarm.cf{row}.uri=udp://air:{row}" for row in (1, 2)),
             f"seed={seed}",
         ]
-        here = replace(load(LIGHTHOUSE, Registry(), changes).scene, onboard_system="lighthouse")
+        scene = replace(load(LIGHTHOUSE, Registry(), changes).scene, onboard_system="lighthouse")
         silenced = {} if silent is None else {silent: frozenset({Condition.NO_STATIONS})}
-        conditions = with_receivers(silenced, here)
-        air = Air(here, seed=seed, conditions=conditions, **simulator_arguments(**options))
+        conditions = with_receivers(silenced, scene)
+        air = Air(scene, seed=seed, conditions=conditions, **simulator_arguments(**options))
         onboard = air.fleet.simulator.onboard
         assert onboard is not None
 

@@ -107,12 +107,12 @@ def main() -> None:
         flights.append(flown(seed, arguments.rounds))
         if not arguments.json:
             print(*(f"{k}={v}" for k, v in flights[-1]._asdict().items()), flush=True)
-    found = figures(flights)
+    values = figures(flights)
     if arguments.json:
-        print(json.dumps(found))
+        print(json.dumps(values))
         return
     goals = {"longest_gap_s": f"at most {GOAL_GAP:g}", "collisions": "0", "completed": "1"}
-    for name, value in found.items():
+    for name, value in values.items():
         goal = f"   (goal: {goals[name]})" if name in goals else ""
         print(f"{name:20} {value:10.4g}{goal}")
 

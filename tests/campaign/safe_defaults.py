@@ -51,28 +51,30 @@ def main() -> int:
     parser.add_argument("--workers", default="2", help="parallel flights: %(default)s")
     parser.add_argument("--missions", nargs="+", choices=[*missions()], default=[*missions()])
     parser.add_argument("--exact", action="store_true", help="fly without margins, too")
-    given = parser.parse_args()
-    files = given.out / "missions"
+    arguments = parser.parse_args()
+    files = arguments.out / "missions"
     files.mkdir(parents=True, exist_ok=True)
-    chosen = {name: mission for name, mission in missions().items() if name in given.missions}
-    for name, (mission, half) in chosen.items():
+    selection = {
+        name: mission for name, mission in missions().items() if name in arguments.missions
+    }
+    for name, (mission, half) in selection.items():
         (files / f"{name}.yaml").write_text(json.dumps(mission))
         (files / f"room-{half:g}.yaml").write_text(json.dumps(room(half)))
     options: dict[str, Any] = {"default": {}}
-    if given.exact:
+    if arguments.exact:
         options["uncertainty_margin 0"] = {"limits.uncertainty_margin": 0}
     study = {
         "star": 1,
         "name": "safe-defaults",
-        "missions": [f"missions/{name}.yaml" for name in chosen],
-        "seeds": {"first": given.first, "count": given.seeds},
+        "missions": [f"missions/{name}.yaml" for name in selection],
+        "seeds": {"first": arguments.first, "count": arguments.seeds},
         "factors": {"options": options},
         "measures": [*MEASURES],
     }
-    (given.out / "study.yaml").write_text(json.dumps(study))
-    flown = given.out / "flown"
-    study_file = str(given.out / "study.yaml")
-    flags = ["--out", str(flown), "--quiet", "--workers", given.workers]
+    (arguments.out / "study.yaml").write_text(json.dumps(study))
+    flown = arguments.out / "flown"
+    study_file = str(arguments.out / "study.yaml")
+    flags = ["--out", str(flown), "--quiet", "--workers", arguments.workers]
     run_command("ablate", [study_file, *flags], Registry())
     with (flown / "results.csv").open(encoding="utf-8", newline="") as file:
         print("\n".join(table([*csv.DictReader(file)], files)))
@@ -81,7 +83,7 @@ def main() -> int:
 
 def missions() -> Mapping[str, tuple[dict[str, Any], float]]:
     """Return each mission, and half the width of its room, m, by name."""
-    found: dict[str, tuple[dict[str, Any], float]] = {}
+    by_name: dict[str, tuple[dict[str, Any], float]] = {}
     for n in AGENTS:
         for name, (starts, steps), half in (
             ("formation", formation(n), 3.0),
@@ -92,7 +94,7 @@ def missions() -> Mapping[str, tuple[dict[str, Any], float]]:
             ("single-crossing", crossing(n, 0), 3.0),
         ):
             sees = {"camera": "aideck"} if name == "search" else {}  # for the width of the lanes
-            found[f"{name}-{n}"] = (
+            by_name[f"{name}-{n}"] = (
                 {
                     "star": 1,
                     "name": f"{name}-{n}",
@@ -109,7 +111,7 @@ def missions() -> Mapping[str, tuple[dict[str, Any], float]]:
                 },
                 half,
             )
-    return found
+    return by_name
 
 
 Steps: TypeAlias = tuple[list[tuple[float, float]], list[dict[str, Any]]]
@@ -188,7 +190,7 @@ def table(rows: list[dict[str, str]], files: Path) -> Iterator[str]:
     for key in dict.fromkeys((row["mission"], row["options"]) for row in rows):
         of = [row for row in rows if (row["mission"], row["options"]) == key]
         apart = [float(row["min_separation_m"] or "nan") for row in of]
-        n, bad = len(of), sum(not one >= SAFE for one in apart)
+        n, bad = len(of), sum(not distance >= SAFE for distance in apart)
         _, warnings = check_file(files / f"{key[0]}.yaml", registry)
         warned = "yes" if any(CODE in line for line in warnings) else "no"
         mean = {

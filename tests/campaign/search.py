@@ -73,18 +73,18 @@ def main() -> None:
     )
     arguments = parser.parse_args()
     registry, room = Registry(), (arguments.clearance, arguments.uncertainty_margin)
-    found: dict[str, float] = {}
+    table: dict[str, float] = {}
     for pattern in arguments.pattern or PATTERNS:
         flights = []
         for seed in range(arguments.worlds):
             flights.append(searched(seed, pattern, room, registry))
             if not arguments.json:
                 print(pattern, *flights[-1]._asdict().items(), flush=True)
-        found |= {f"{pattern}_{name}": value for name, value in figures(flights).items()}
+        table |= {f"{pattern}_{name}": value for name, value in figures(flights).items()}
     if arguments.json:
-        print(json.dumps(found))
+        print(json.dumps(table))
         return
-    for name, value in found.items():
+    for name, value in table.items():
         goal = f"   (goal: at least {SHARE_GOAL:g})" if name.endswith("all_found") else ""
         print(f"{name:32} {value:10.4g}{goal}")
 

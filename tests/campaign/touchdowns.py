@@ -61,12 +61,12 @@ def drawn(seed: int, case: str) -> tuple[str, float]:
 def by_radio(seed: int, case: str, folder: Path) -> Iterator[float]:
     """Yield the speed of the fastest touchdown of each drone, m/s."""
     text, at = drawn(seed, case)
-    left: list[float] = []
+    departures: list[float] = []
 
     def watch(air: Air, operator: Operator) -> None:
         if (air.height > FLYING).all():
-            left.append(air.fleet.time)
-        if left and air.fleet.time >= left[0] + at:
+            departures.append(air.fleet.time)
+        if departures and air.fleet.time >= departures[0] + at:
             operator.stops = 1
 
     yield from flown(folder, steps=text, watch=watch, controller="pid").air.impact.tolist()
@@ -79,7 +79,7 @@ def in_simulation(seed: int, case: str, folder: Path) -> Iterator[float]:
     (folder / "mission.yaml").write_text(MISSION.format(seed=seed, steps=text))
     operator, impact = Operator(), np.zeros(3)
     before: list[Any] = []  # the truth of the last tick
-    left: list[float] = []
+    departures: list[float] = []
 
     class Watch:
         @hookimpl
@@ -90,8 +90,8 @@ def in_simulation(seed: int, case: str, folder: Path) -> Iterator[float]:
                 impact[landed] = np.maximum(impact, -before[-1].velocity[:, 2])[landed]
             before[:] = [tick.truth]
             if (height > FLYING).all():
-                left.append(tick.time)
-            if left and tick.time >= left[0] + at:
+                departures.append(tick.time)
+            if departures and tick.time >= departures[0] + at:
                 operator.stops = 1
 
     registry = Registry(Watch())

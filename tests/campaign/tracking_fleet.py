@@ -81,21 +81,21 @@ def errors(folder: Path, changes: tuple[str, ...], seed: int) -> list[float]:
 
 def main() -> None:
     """Print the figures."""
-    options = argparse.ArgumentParser(description=__doc__)
-    options.add_argument("file", type=Path)
-    options.add_argument("--seeds", type=int, default=8, help="%(default)s")
-    chosen = options.parse_args()
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("file", type=Path)
+    parser.add_argument("--seeds", type=int, default=8, help="%(default)s")
+    arguments = parser.parse_args()
     print(f"{'':12}{'RMS':>7}{'most':>7}{'beyond':>8}")
     with TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "hall.yaml").write_text(WORLD)
         (folder / "mission.yaml").write_text(MISSION)
-        (folder / "path.csv").write_text(chosen.file.read_text())
+        (folder / "path.csv").write_text(arguments.file.read_text())
         for controller, changes in CONTROLLERS.items():
-            flown = [errors(folder, changes, seed) for seed in range(1, chosen.seeds + 1)]
+            flown = [errors(folder, changes, seed) for seed in range(1, arguments.seeds + 1)]
             error = np.concatenate(flown)
             rms, beyond = np.sqrt(np.mean(error**2)), np.mean(error > LIMIT)
-            each = " ".join(f"{np.mean(np.array(one) > LIMIT):.1%}" for one in flown)
+            each = " ".join(f"{np.mean(np.array(distances) > LIMIT):.1%}" for distances in flown)
             print(f"{controller:12}{rms:7.3f}{error.max():7.3f}{beyond:8.1%}  ({each})", flush=True)
 
 
