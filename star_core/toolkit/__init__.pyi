@@ -102,6 +102,7 @@ from star_core.toolkit.printed_page import Text as Text
 from star_core.toolkit.printed_page import pdf as pdf
 from star_core.toolkit.printed_page import rectangle as rectangle
 from star_core.toolkit.printed_page import svg as svg
+from star_core.toolkit.processes import messages_from as messages_from
 from star_core.toolkit.processes import python_process as python_process
 from star_core.toolkit.progress import Progress as Progress
 from star_core.toolkit.progress import duration as duration

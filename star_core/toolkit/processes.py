@@ -5,8 +5,11 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import suppress
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
+from typing import Any
 
 
 def python_process(module: str, **environment: str) -> tuple[subprocess.Popen[bytes], Connection]:
@@ -31,3 +34,10 @@ def python_process(module: str, **environment: str) -> tuple[subprocess.Popen[by
             env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))} | environment,
         )
     return process, connection
+
+
+def messages_from(connection: Connection) -> Iterator[Any]:
+    """Yield what the other end of a connection sends, until it is closed or its process ends."""
+    with suppress(EOFError, OSError):  # of which the latter is in the middle of a message
+        while True:
+            yield connection.recv()

@@ -1,25 +1,24 @@
 """The page of a flight in progress, and the program that serves it for `star_view.live_view`.
 
-It runs in a process of its own: reads pickles from its standard input until that is closed, and
-writes what the operator does on the page, a JSON object per line, to its standard output.
+It runs in a process of its own.
 """
 
 from __future__ import annotations
 
 import json
 import os
-import pickle
-import sys
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from typing import Any, Final, cast
+from multiprocessing.connection import Connection
+from typing import Any, Final
 
 import numpy as np
 import viser
 
 from star_core import Event
+from star_core.toolkit import messages_from
 from star_view.camera_images import CameraStream, mosaic
 from star_view.markdown import escaped
 from star_view.messages import News, Watched
@@ -143,26 +142,30 @@ class LivePage:
         add_dark_switch(self.server)
 
 
-def main() -> None:
-    """Serve the page of the flight that another process sends."""
+def serve(descriptor: int) -> None:
+    """Serve the page of the flight that another process sends.
+
+    What the operator does is answered in JSON: nothing of the page is unpickled there.
+
+    Args:
+        descriptor: File descriptor of the inherited end of the connection.
+    """
     os.nice(NICENESS)
-    stream, answers = sys.stdin.buffer, sys.stdout
-    sys.stdout = sys.stderr  # for what others print
+    connection = Connection(descriptor)
 
-    def send(**news: Any) -> None:
-        with suppress(BrokenPipeError):
-            answers.write(json.dumps(news) + "\n")
-            answers.flush()
+    def send(**request: Any) -> None:
+        with suppress(OSError):
+            connection.send_bytes(json.dumps(request).encode())
 
-    page = LivePage(cast("Watched", pickle.load(stream)), send)  # noqa: S301 -- from the parent
+    messages = messages_from(connection)
+    page = LivePage(next(messages), send)
     send(address=page.server.address)
-    with suppress(EOFError, pickle.UnpicklingError):  # it ended, perhaps within a message
-        while True:
-            news = pickle.load(stream)  # noqa: S301 -- as above
-            if isinstance(news, News):
-                page.show(news)
-            else:
-                page.end(news)
-                page.server.flush()
-                time.sleep(PANEL_PERIOD)  # until it is sent
+    for news in messages:
+        if isinstance(news, News):
+            page.show(news)
+        else:
+            page.end(news)
+            page.server.flush()
+            time.sleep(PANEL_PERIOD)  # until it is sent
+            break
     page.server.close()

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import logging
-import pickle
 import subprocess
 import sys
 import time
@@ -18,9 +17,10 @@ from contextlib import suppress
 from dataclasses import replace
 from threading import Event as Flag
 from threading import Thread
-from typing import IO, Any, Final, TypeVar, cast
+from typing import Any, Final, TypeVar
 
 from star_core import Detections, Event, Flight, Frames, Image, Odometry, Operator, Tick, hookimpl
+from star_core.toolkit import python_process
 from star_view.messages import PORT, News, Watched
 
 RATE: Final = 15.0  # Hz of wall time: of the page
@@ -67,12 +67,7 @@ class LiveView:
         simulation = operator.simulation
         if simulation is not None and simulation.speed is None:
             simulation.speed = REAL_TIME
-        self._process = subprocess.Popen(
-            [sys.executable, "-m", "star_view"],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            process_group=0,  # Ctrl-C is for the flight
-        )
+        self._process, self._connection = python_process("star_view.live_page")
         scene, speed = flight.scene, None if simulation is None else simulation.speed
         watched = Watched(
             flight.mission, scene.world, scene.agents, self._radius, speed, self._port
@@ -118,11 +113,9 @@ class LiveView:
 
     def _send(self, watched: Watched) -> None:
         """Send the newest tick to the page, at its rate, until the flight ends."""
-        stream = cast("IO[bytes]", self._process.stdin)
         clocks: deque[tuple[float, float]] = deque()  # s: wall time, mission time
-        with suppress(OSError), stream:  # it raises if the process has ended
-            stream.write(pickle.dumps(watched))
-            stream.flush()
+        with suppress(OSError):  # the process has ended
+            self._connection.send(watched)
             ended, tick = False, None
             while not ended:
                 ended = self._ended.wait(1 / RATE)
@@ -132,9 +125,8 @@ class LiveView:
                 clocks.append((time.monotonic(), tick.time))
                 while clocks[-1][0] - clocks[0][0] > WINDOW:
                     clocks.popleft()
-                stream.write(pickle.dumps(self._news(tick, _slope(clocks))))
-                stream.flush()
-            stream.write(pickle.dumps(self._summary))
+                self._connection.send(self._news(tick, _slope(clocks)))
+            self._connection.send(self._summary)
 
     def _news(self, tick: Tick, factor: float) -> News:
         newest = self._images.copy()
@@ -146,9 +138,9 @@ class LiveView:
 
     def _receive(self) -> None:
         """Do what the operator asks for on the page."""
-        with cast("IO[bytes]", self._process.stdout) as answers:
-            for line in answers:
-                self._answer(json.loads(line))
+        with self._connection, suppress(EOFError, OSError):
+            while True:
+                self._answer(json.loads(self._connection.recv_bytes()))
         if not self._ended.is_set():
             log.warning("the view is closed: its process ended")
         self._served.set()

@@ -15,7 +15,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from star_core import Array, PluginError, Registry, Scene, Transform
-from star_core.toolkit import fill_defaults, python_process, quaternion_from_euler
+from star_core.toolkit import fill_defaults, messages_from, python_process, quaternion_from_euler
 from star_mocap.source import KIND, Frame
 
 log = logging.getLogger(__name__)
@@ -185,12 +185,7 @@ class MotionCapture(CaptureFrames):
 
     def _listen(self) -> None:
         """Receive frames until the process ends, which closes the connection."""
-        problem = ""
-        try:
-            while not problem:
-                problem = self._receive(self._connection.recv())
-        except (EOFError, OSError):
-            problem = ENDED
+        problem = next(filter(None, map(self._receive, messages_from(self._connection))), ENDED)
         if not self._closing:
             log.warning("motion capture: source %r ended: %s", self._name, problem)
 

@@ -7,8 +7,6 @@ was sent, and completes the file.
 from __future__ import annotations
 
 import pickle
-import subprocess
-import sys
 import time
 from collections.abc import Mapping
 from contextlib import suppress
@@ -16,9 +14,10 @@ from dataclasses import replace
 from pathlib import Path
 from queue import Queue
 from threading import Thread
-from typing import IO, Any, Final, cast
+from typing import Any, Final
 
 from star_core import Event, Flight, Frames, Odometry, Tick, hookimpl
+from star_core.toolkit import python_process
 
 BATCH_PERIOD: Final = 0.2  # s of wall time from one message to the next
 BATCH_SIZE: Final = 32  # ticks in a message, at most
@@ -37,13 +36,7 @@ class RecorderProcess:
         self._folder, self._lost = folder, [] if lost is None else lost
         folder.mkdir(parents=True, exist_ok=True)
         self._images = flight.save_frames
-        self._process = subprocess.Popen(
-            [sys.executable, "-m", "star_mcap"],
-            stdin=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            start_new_session=True,  # Ctrl-C is for the flight
-        )
-        self._errors = cast("IO[bytes]", self._process.stderr)
+        self._process, self._connection = python_process("star_mcap.recorder")
         self._queue: Queue[bytes | None] = Queue(0 if flight.scene.realtime else BACKLOG)
         self._batch: list[Tick | Event] = []
         self._sent = time.monotonic()
@@ -84,7 +77,7 @@ class RecorderProcess:
         self._thread.join(CLOSE_TIMEOUT)
         self._process.wait(CLOSE_TIMEOUT)
         self._check()
-        self._errors.close()
+        self._connection.close()
 
     def _send(self) -> None:
         self._check()
@@ -101,22 +94,18 @@ class RecorderProcess:
         if self._process.poll():
             self._queue.put(None)
             self._thread.join(CLOSE_TIMEOUT)
-            with self._errors:
-                last = self._errors.read().decode(errors="replace").strip().splitlines()
-            wrong = f"the recording failed: {last[-1] if last else 'no message'}"
+            reason = "no message"
+            with self._connection, suppress(EOFError, OSError):
+                reason = self._connection.recv()
+            wrong = f"the recording failed: {reason}"
             self._lost.append(f"{self._folder}: {wrong}")
             raise RuntimeError(wrong)
 
     def _feed(self) -> None:
-        """Write what is queued to the process."""
-        stream = cast("IO[bytes]", self._process.stdin)
+        """Send what is queued to the process."""
         try:
             while (message := self._queue.get()) is not None:
-                stream.write(message)
-                stream.flush()
+                self._connection.send_bytes(message)
         except OSError:  # the process has failed: `_check` reports it
             while self._queue.get() is not None:
                 pass
-        finally:
-            with suppress(OSError):
-                stream.close()

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
 from star_core import AgentPhase, Array, Event, Flight, Mask, Paths, Tick, Truth
+from star_core.toolkit import messages_from
 from star_mcap import messages, writer
 from star_mcap.messages import FILE, encode, header, kind, pose_stamped, transform, twist_stamped
 from star_mcap.world_markers import world_markers
@@ -298,3 +301,35 @@ def _to_body(attitude: Array, velocity: Array) -> Array:
     across = np.cross(axis, velocity)
     body: Array = velocity - 2 * w * across + 2 * np.cross(axis, across)
     return body
+
+
+def serve(descriptor: int) -> None:
+    """Record what another process sends: a flight, then lists of ticks and events.
+
+    Its summary completes the file, and so does the end of that process. What fails is the answer.
+
+    Args:
+        descriptor: File descriptor of the inherited end of the connection.
+
+    Raises:
+        SystemExit: The recording failed.
+    """
+    connection = Connection(descriptor)
+    try:
+        _record(messages_from(connection))
+    except Exception as error:  # noqa: BLE001 -- the flight reports it
+        with suppress(OSError):  # unless it is over
+            connection.send(f"{type(error).__name__}: {error}")
+        raise SystemExit(1) from None
+
+
+def _record(messages: Iterator[Any]) -> None:
+    recorder = Recorder(*next(messages))
+    summary: Mapping[str, Any] = {"outcome": "interrupted"}
+    for message in messages:
+        if isinstance(message, Mapping):
+            summary = message
+            break
+        for item in message:
+            (recorder.add_event if isinstance(item, Event) else recorder.add)(item)
+    recorder.close(summary)

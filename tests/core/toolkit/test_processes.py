@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from star_core.toolkit import python_process
+from star_core.toolkit import messages_from, python_process
 
 SERVE = """
 import os
@@ -17,6 +17,17 @@ def serve(descriptor):
     connection = Connection(descriptor)
     connection.send((os.getsid(0), os.environ["LIMIT"], connection.recv()))
     connection.recv()
+"""
+TORN = """
+import os, struct
+from multiprocessing.connection import Connection
+
+def serve(descriptor):
+    connection = Connection(descriptor)
+    connection.send(1)
+    connection.send(2)
+    os.write(descriptor, struct.pack("!i", 100) + b"of a hundred bytes")
+    os._exit(1)
 """
 
 
@@ -33,3 +44,13 @@ def test_a_process_answers_and_ends_with_its_connection(
         assert session == process.pid != os.getsid(0)  # no signals of the terminal
         connection.close()
         process.wait(10)
+
+
+def test_messages_end_with_the_process_that_sends_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "torn_process.py").write_text(TORN)
+    monkeypatch.syspath_prepend(tmp_path)
+    process, connection = python_process("torn_process")
+    with process, connection:
+        assert [*messages_from(connection)] == [1, 2]
