@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Final
 
 from star_core import Problem
@@ -36,9 +37,8 @@ def spread(n: int, centre: Sequence[float], spacing: float) -> list[Point]:
         >>> spread(2, (1, 0, 0.8), 0.5)
         [(0.75, 0.0, 0.8), (1.25, 0.0, 0.8)]
     """
-    _, pattern = min(_compact(n, center) for center in _CENTERS)
     x, y, z = centre
-    return [(x + spacing * u, y + spacing * v, float(z)) for u, v in pattern]
+    return [(x + spacing * u, y + spacing * v, float(z)) for u, v in _pattern(n)]
 
 
 def offsets(n: int, spacing: float) -> list[Point]:
@@ -126,6 +126,13 @@ def speed_problems(scene: Scene, options: Mapping[str, Any], *path: str) -> Iter
     if options.get("speed", 0.0) > limit:
         message = f"{options['speed']:g} m/s is above limits.speed, {limit:g} m/s"
         yield Problem((*path, "speed"), message, "out-of-range")
+
+
+@lru_cache(maxsize=32)  # many steps of a mission spread the same number of agents
+def _pattern(n: int) -> list[tuple[float, float]]:
+    """The most compact `n` points of a lattice of unit spacing, relative to their mean."""
+    _, pattern = min(_compact(n, center) for center in _CENTERS)
+    return pattern
 
 
 def _compact(n: int, center: tuple[float, float]) -> tuple[float, list[tuple[float, float]]]:
