@@ -219,9 +219,9 @@ def _assert_no_command_is_dropped(source: Path, made: Path) -> None:
 
 
 TARGETS: Final = (
-    Target("missions and worlds", 60, 10_000, missions),
+    Target("missions and worlds", 30, 10_000, missions),
     Target("studies", 5, 1_000, studies),
-    Target("fault files", 40, 5_000, faults),
+    Target("fault files", 20, 5_000, faults),
     Target("trajectories", 100, 5_000, trajectories),
-    Target("legacy files", 15, 1_000, legacy),
+    Target("legacy files", 8, 1_000, legacy),
 )

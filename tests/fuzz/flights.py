@@ -77,6 +77,6 @@ def _flights(folder: Path, size: str) -> Iterator[Try]:
 
 
 TARGETS: Final = (
-    Target("short flights", 8, 200, partial(_flights, size="short flights"), PATIENCE),
+    Target("short flights", 4, 200, partial(_flights, size="short flights"), PATIENCE),
     Target("flights", 0, 1000, partial(_flights, size="flights"), PATIENCE),
 )

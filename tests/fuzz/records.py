@@ -129,6 +129,6 @@ def _assert_names(error: InputError, path: Path) -> None:
 
 
 TARGETS: Final = (
-    Target("MCAP recordings", 40, 5_000, recordings),
-    Target("runs", 100, 10_000, runs),
+    Target("MCAP recordings", 20, 5_000, recordings),
+    Target("runs", 50, 10_000, runs),
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import gc
 import json
 import math
@@ -10,7 +11,7 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numba
 import numpy as np
@@ -23,25 +24,33 @@ ROOT = Path(__file__).parents[3]
 KERNEL = """\
 import sys
 from star_core.toolkit import compiled
-from functions import add
+from constants import OFFSET
+from functions import double
+from pairs import PAIR, first
 
 
 @compiled
-def kernel(x):
-    return add(x)
+def doubled(x):
+    return double(x)
 
 
-sys.stdout.write(f"{kernel(1.0)} {sum(kernel.stats.cache_hits.values())}")
+@compiled
+def moved(x):
+    return x + OFFSET
+
+
+values = doubled(1.0), moved(1.0), first(PAIR)
+hits = (sum(kernel.stats.cache_hits.values()) for kernel in (doubled, moved, first))
+sys.stdout.write(repr((values, tuple(hits))))
 """
 FUNCTIONS = '''\
 from star_core.toolkit import subroutine
-from constants import OFFSET
 
 
 @subroutine
-def add(x):
-    """Return a sum."""
-    return twice(x) + OFFSET
+def double(x):
+    """Return a product."""
+    return twice(x)
 
 
 @subroutine
@@ -49,7 +58,30 @@ def twice(x):
     return 2.0 * x
 '''
 CONSTANTS = "OFFSET = 1.0\n"
-Runs: TypeAlias = dict[str, tuple[float, int, str]]
+PAIRS = """\
+from star_core.toolkit import compiled
+from types_before import Pair
+
+
+@compiled
+def first(pair):
+    return pair.first
+
+
+PAIR = Pair(1.0)
+"""
+TYPES = "from typing import NamedTuple\n\n\nclass Pair(NamedTuple):\n    first: float\n"
+
+
+class Ran(NamedTuple):
+    """Results of the kernels `doubled`, `moved` and `first`, their loads from disk, and stderr."""
+
+    values: tuple[float, ...]
+    hits: tuple[int, ...]
+    reported: str
+
+
+Runs: TypeAlias = dict[str, Ran]
 
 
 def edit(file: Path, old: str, new: str) -> None:
@@ -60,65 +92,47 @@ def edit(file: Path, old: str, new: str) -> None:
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory: pytest.TempPathFactory) -> Runs:
-    """Runs of the kernel in new processes: its result for 1, its loads from disk, and stderr."""
+    """Runs of the kernels in new processes: with arguments of 1."""
     folder = tmp_path_factory.mktemp("kernel")
-    sources = {"kernel": KERNEL, "functions": FUNCTIONS, "constants": CONSTANTS}
-    for name, source in sources.items():
+    modules = {"functions": FUNCTIONS, "constants": CONSTANTS, "pairs": PAIRS}
+    for name, source in {"kernel": KERNEL, "types_before": TYPES, **modules}.items():
         (folder / f"{name}.py").write_text(source)
 
-    def run() -> tuple[float, int, str]:
-        command = [
-            sys.executable,
-            "-B",
-            str(folder / "kernel.py"),
-        ]  # edits may be too quick for .pyc
+    def run() -> Ran:
+        command = [sys.executable, "-B", str(folder / "kernel.py")]  # edits are too quick for .pyc
         done = subprocess.run(command, capture_output=True, check=True, text=True)
-        value, hits = done.stdout.split()
-        return float(value), int(hits), done.stderr
+        values, hits = ast.literal_eval(done.stdout)
+        return Ran(values, hits, done.stderr)
 
-    found = {"first": run()}
-    edit(folder / "functions.py", "a sum", "the sum, which is a long story")
+    made = {"first": run()}
+    edit(folder / "functions.py", "a product", "the product, which is a long story")
     edit(folder / "functions.py", "from star", "# A comment.\nfrom star")
     edit(folder / "constants.py", "\n", "\nUNUSED = 2.0\n")
-    found["commented"] = run()
+    made["commented"] = run()
     edit(folder / "functions.py", "2.0 * x", "5.0 * x")
-    found["other function"] = run()
     edit(folder / "constants.py", "1.0", "4.0")
-    found["other constant"] = run()
-    return found
+    (folder / "types_before.py").rename(folder / "types_after.py")
+    edit(folder / "pairs.py", "from types_before", "from types_after")
+    made["changed"] = run()
+    return made
 
 
 def test_machine_code_of_other_sources_is_never_loaded_from_disk(runs: Runs) -> None:
-    assert runs["first"][:2] == (3.0, 0)
-    assert runs["other function"][:2] == (6.0, 0)
-    assert runs["other constant"][:2] == (9.0, 0)
+    assert runs["first"][:2] == ((2.0, 2.0, 1.0), (0, 0, 0))
+    assert runs["changed"][:2] == ((5.0, 5.0, 1.0), (0, 0, 0))
 
 
 def test_comments_docstrings_and_unused_code_recompile_nothing(runs: Runs) -> None:
-    assert runs["commented"][:2] == (3.0, 1)
+    assert runs["commented"][:2] == ((2.0, 2.0, 1.0), (1, 1, 1))
 
 
 def test_compilation_is_reported_on_stderr_and_loading_is_not(runs: Runs) -> None:
-    lines = runs["first"][2].splitlines()
-    assert lines[0] == "compiling kernels (once): __main__.kernel, 0 of up to 3 functions"
-    assert all(line.startswith("compiling kernels (once): __main__.kernel, ") for line in lines)
-    assert not runs["commented"][2]
-
-
-def test_cached_code_with_types_of_another_module_is_recompiled(tmp_path: Path) -> None:
-    kernel = (
-        "import sys\nfrom star_core.toolkit import compiled\nfrom before import Pair\n\n\n"
-        "@compiled\ndef first(pair):\n    return pair.one\n\n\n"
-        "sys.stdout.write(str(first(Pair(1.0))))"
-    )
-    pair = "from typing import NamedTuple\n\n\nclass Pair(NamedTuple):\n    one: float\n"
-    (tmp_path / "before.py").write_text(pair)
-    (tmp_path / "kernel.py").write_text(kernel)
-    command = [sys.executable, "-B", str(tmp_path / "kernel.py")]
-    assert subprocess.run(command, capture_output=True, check=True).stdout == b"1.0"
-    (tmp_path / "before.py").rename(tmp_path / "after.py")
-    edit(tmp_path / "kernel.py", "from before", "from after")
-    assert subprocess.run(command, capture_output=True, check=True).stdout == b"1.0"
+    lines = runs["first"].reported.splitlines()
+    kernels = [line.removeprefix("compiling kernels (once): ") for line in lines]
+    assert kernels[0] == "__main__.doubled, 0 of up to 3 functions"
+    names = {line.split(",")[0] for line in kernels}
+    assert names == {"__main__.doubled", "__main__.moved", "pairs.first"}
+    assert not runs["commented"].reported
 
 
 def test_editing_an_option_recompiles_nothing(tmp_path: Path) -> None:
