@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterator, Mapping
 from copy import deepcopy
 from dataclasses import replace
+from functools import lru_cache
 from types import MappingProxyType
 from typing import Any, Final, TypeVar
 from urllib.parse import unquote
@@ -134,9 +135,10 @@ def references(schema: Any) -> Iterator[dict[str, Any]]:
 def _plain(options: Mapping[str, Any], *, trusted: bool) -> dict[str, Any]:
     """Return a copy of options as plain JSON; raise `ContractError`."""
     try:
-        copy = json.loads(json.dumps(options, default=dict, allow_nan=False))
+        text = json.dumps(options, default=dict, allow_nan=False)
         if not trusted:
-            _require_schema(copy)
+            _require_schema(text)
+        copy = json.loads(text)
     except (TypeError, ValueError, RecursionError) as error:
         raise ContractError(f"options are not JSON: {error}") from error
     if not isinstance(copy, dict) or copy.get("type", "object") != "object":
@@ -144,11 +146,12 @@ def _plain(options: Mapping[str, Any], *, trusted: bool) -> dict[str, Any]:
     return {key: value for key, value in copy.items() if key not in {"$schema", "$id"}}
 
 
-def _require_schema(options: Any) -> None:
+@lru_cache(maxsize=1024)  # options of one plugin are checked anew with each that is registered
+def _require_schema(text: str) -> None:
     from jsonschema import Draft202012Validator, SchemaError
 
     try:
-        Draft202012Validator.check_schema(options)
+        Draft202012Validator.check_schema(json.loads(text))
     except SchemaError as error:
         path = ".".join(str(key) for key in ("options", *error.absolute_path))
         raise ContractError(f"{path} is not a JSON Schema: {error.message}") from error
