@@ -279,8 +279,8 @@ BROKEN = ("off", "garbage", "intermittent")
 def test_a_faulty_plugin_ends_with_all_agents_on_the_ground(
     tmp_path: Path, kind: str, mode: str
 ) -> None:
-    at = {"at": 3.5} | ({"for": 0.2} if kind == "transport" else {})
-    flight = flown(tmp_path, {"component": "plugin", "plugin": kind, "mode": mode, **at}, rate=20)
+    at = {"at": 3.5} | ({"for": 0.4} if kind == "transport" else {})
+    flight = flown(tmp_path, {"component": "plugin", "plugin": kind, "mode": mode, **at})
     assert flight.texts("fault")[0] == f"fault: plugin {kind}: {mode}"
     truth = flight.ticks[-1].truth
     assert truth is not None
