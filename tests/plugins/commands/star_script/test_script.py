@@ -39,11 +39,11 @@ swarm = Crazyswarm()
 timeHelper, allcfs = swarm.timeHelper, swarm.allcfs
 cf1, cf2 = allcfs.crazyflies
 allcfs.takeoff(targetHeight=0.8, duration=2.0)
-timeHelper.sleep(3.0)
+timeHelper.sleep(4.0)
 """
 END = """
 allcfs.land(targetHeight=0.04, duration=2.0)
-timeHelper.sleep(3.0)
+timeHelper.sleep(4.0)
 """
 
 Fly = Callable[..., tuple[int, dict[str, Any]]]
@@ -170,7 +170,7 @@ def test_setpoints_are_flown_and_end(fly: Fly) -> None:
 def test_a_script_that_fails_is_stopped_and_its_line_named(
     fly: Fly, body: str, text: str
 ) -> None:  # fmt: skip
-    status, summary = fly(body)
+    status, summary = fly(body, begin=BEGIN.replace("sleep(4.0)", "sleep(2.5)"))
     assert status == 1
     assert summary["outcome"] == "failed"
     assert summary["reason"].startswith(text), summary["reason"]
