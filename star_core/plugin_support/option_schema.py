@@ -146,12 +146,12 @@ def _plain(options: Mapping[str, Any], *, trusted: bool) -> dict[str, Any]:
     return {key: value for key, value in copy.items() if key not in {"$schema", "$id"}}
 
 
-@lru_cache(maxsize=1024)  # options of one plugin are checked anew with each that is registered
-def _require_schema(text: str) -> None:
+@lru_cache(maxsize=256)  # a registry that is made anew has the plugins of others
+def _require_schema(options: str) -> None:
     from jsonschema import Draft202012Validator, SchemaError
 
     try:
-        Draft202012Validator.check_schema(json.loads(text))
+        Draft202012Validator.check_schema(json.loads(options))
     except SchemaError as error:
         path = ".".join(str(key) for key in ("options", *error.absolute_path))
         raise ContractError(f"{path} is not a JSON Schema: {error.message}") from error
