@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from star_core import AgentPhase
-from star_core.commands.main import main
+from star_core import AgentPhase, Registry, fly, load
 
 MISSION = Path(__file__).parents[2] / "missions" / "first_flight.yaml"
 
 
-def flown(out: Path, *arguments: str) -> dict[str, Any]:
+def flown(out: Path, *settings: str) -> dict[str, Any]:
     """Fly the mission, record it in `out`, and return its summary."""
-    assert main(["run", str(MISSION), "--json", "--out", str(out), *arguments]) == 0
-    summary: dict[str, Any] = json.loads((out / "summary.json").read_text())
-    return summary
+    registry = Registry()
+    return fly(load(MISSION, registry, settings), registry, folder=out)
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +29,7 @@ def first(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any
 def test_drifting_drones_swap_safely_and_vary_with_the_seed(
     first: tuple[Path, dict[str, Any]], tmp_path: Path
 ) -> None:
-    summary = flown(tmp_path, "--seed", "1")
+    summary = flown(tmp_path, "seed=1")
     assert summary["min_separation_m"] >= 0.2
     assert summary["position_rmse_m"] > 0.01  # they do drift
     assert summary["path_length_m"] != first[1]["path_length_m"]

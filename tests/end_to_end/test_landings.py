@@ -97,7 +97,9 @@ def test_a_drone_whose_link_was_cut_in_flight_lands(tmp_path: Path, length: floa
     assert flight.fallen == []
 
 
-@pytest.mark.parametrize("seed", [39, 54, 89])
+@pytest.mark.parametrize(
+    "seed", [39, *(pytest.param(seed, marks=pytest.mark.campaign) for seed in (54, 89))]
+)
 def test_no_drone_falls_over_links_that_lose_and_delay_packets(seed: int) -> None:
     """With these seeds the first landings are confirmed too late."""
     outcome = bad_link_flight(seed)
@@ -106,7 +108,9 @@ def test_no_drone_falls_over_links_that_lose_and_delay_packets(seed: int) -> Non
     assert not outcome.aloft
 
 
-@pytest.mark.parametrize("seed", [2, 3, 6])
+@pytest.mark.parametrize(
+    "seed", [2, *(pytest.param(seed, marks=pytest.mark.campaign) for seed in (3, 6))]
+)
 def test_no_report_ends_over_udp_links_that_lose_packets(tmp_path: Path, seed: int) -> None:
     """No dongle polls: without any packet for 1 s the firmware deletes its log blocks."""
     flight = flown(tmp_path, seed=seed, polls=False, watch=spoil_links)
@@ -241,6 +245,6 @@ def test_aborted_takeoffs_of_lagging_drones_end_softly(tmp_path: Path, height: f
 
 
 def test_a_flight_is_the_same_in_every_run(tmp_path: Path) -> None:
-    runs: list[Flown] = [flown(tmp_path, seed=5, faults=[LOSS] * N) for _ in range(2)]
+    runs: list[Flown] = [flown(tmp_path, n=1, seed=5, faults=[LOSS]) for _ in range(2)]
     assert (runs[0].air.drones["position"] == runs[1].air.drones["position"]).all()
     assert runs[0].air.fleet.time == runs[1].air.fleet.time

@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 
 from star_core import Array, Registry, Scene, load
+from star_core.commands.main import main
 from star_fleet.aideck import Wifi
 from star_sim.camera_sim.options import camera_options
 from tests.simulators import ideal_fleet
@@ -44,8 +45,8 @@ IDEAL = [  # as drones of `Fleet` fly
 
 
 SWAP = (
-    "mission=[{takeoff: {height: 0.8}}, {parallel: [{goto: {agents: cf1, to: [1.2, 0, 0.8]}},"
-    " {goto: {agents: cf2, to: [-1.2, 0, 0.8]}}]}, {land: {speed: 0.6}}]"
+    "mission=[{takeoff: {height: 0.4}}, {parallel: [{goto: {agents: cf1, to: [1.2, 0, 0.4]}},"
+    " {goto: {agents: cf2, to: [-1.2, 0, 0.4]}}]}, {land: {speed: 0.6}}]"
 )
 
 
@@ -115,8 +116,8 @@ def over_the_air(
                 behind.append(now - fleet.time)
                 time.sleep(0.01)
             flight.kill()
-            told, _ = flight.communicate()
-    assert flight.returncode == 0, told
+            output, _ = flight.communicate()
+    assert flight.returncode == 0, output
     late = float(np.sqrt(np.mean((np.array(behind) - min(behind)) ** 2)))
     return recorded(folder), Flown(np.array(times), np.array(places)), late
 
@@ -153,9 +154,8 @@ def error(flight: Flown, truth: Flown) -> float:
 
 def test_the_demo_flies_over_udp_as_in_the_simulator(tmp_path: Path) -> None:
     mission = MISSIONS / "first_flight.yaml"
-    simulated = star("run", mission, "--out", tmp_path / "sim", *IDEAL, f"--set={SWAP}")
-    told, _ = simulated.communicate(timeout=PATIENCE)
-    assert simulated.returncode == 0, told
+    simulated = ["run", str(mission), "--out", str(tmp_path / "sim"), *IDEAL, f"--set={SWAP}"]
+    assert main(simulated) == 0
     flown, truth, late = over_the_air(
         mission, tmp_path / "air", noise=False, cameras=False, changes=[SWAP]
     )
@@ -186,8 +186,8 @@ def test_flown_by_whole_states_the_drones_of_the_demo_stay_apart(tmp_path: Path)
 def test_noiseless_streamed_flights_match_the_simulator(tmp_path: Path) -> None:
     mission = MISSIONS / "three_eyes.yaml"
     alone = star("run", mission, "--out", tmp_path / "sim", *IDEAL)
-    told, _ = alone.communicate(timeout=PATIENCE)
-    assert alone.returncode == 0, told
+    output, _ = alone.communicate(timeout=PATIENCE)
+    assert alone.returncode == 0, output
     flown, _, late = over_the_air(mission, tmp_path / "air", noise=False, cameras=True)
     assert apart(flown, recorded(tmp_path / "sim")) < 0.05 + SPEED * late
 
@@ -201,10 +201,10 @@ def test_three_drones_localize_by_streamed_images(tmp_path: Path) -> None:
 
 @pytest.mark.campaign
 def test_three_drones_localize_with_position_feedback(tmp_path: Path) -> None:
-    told = ["localizer={use: apriltag, feedback: extpose}"]
+    changes = ["localizer={use: apriltag, feedback: extpose}"]
     mission = MISSIONS / "three_eyes.yaml"
     flown, truth, late = over_the_air(
-        mission, tmp_path / "air", noise=True, cameras=True, changes=told
+        mission, tmp_path / "air", noise=True, cameras=True, changes=changes
     )
     assert error(flown, truth) < NEAR + SPEED * late
 
@@ -246,8 +246,8 @@ def test_drones_hover_while_a_plugin_hangs_and_then_land() -> None:
                 sink.append(-drones["velocity"][:, 2])
                 time.sleep(0.01)
             flight.kill()
-            told, _ = flight.communicate()
+            output, _ = flight.communicate()
         height = fleet.simulator.drones["position"][:, 2].copy()
-    assert "avoider 'hangs' (__main__:Hangs): PluginTimeout: no result after 1" in told
+    assert "avoider 'hangs' (__main__:Hangs): PluginTimeout: no result after 1" in output
     assert height.max() < 0.1
     assert np.max(sink) < 1.0  # m/s; dropped from 0.8 m it would be 4

@@ -23,6 +23,7 @@ HEAD = """
 star: 1
 name: down
 world: room.yaml
+rate: 10
 limits: {speed: 0.5, height: [0.2, 2.2]}
 transport: {use: sim, noise: false}
 localizer: flow
