@@ -259,7 +259,7 @@ SCRIPTS = {
         needs=("distributed",),
     ),
     "tick_cost": Small("--json --agents 3 --flights 1", {"ROUNDS": 1, "DEMO": HELLO}),
-    "tick_files": Small("--json"),
+    "tick_files": Small("--json missions/hello.yaml"),
     "tests.campaign.touchdowns": Small(
         "--flights 1 --first 34 --ways radio --cases normal", prints="normal"
     ),
