@@ -8,6 +8,7 @@ gray sensor; ``star`` is `star_core.toolkit.gray_from_mosaic`.
 from __future__ import annotations
 
 import math
+from argparse import Namespace
 from collections.abc import Callable
 
 import cv2
@@ -33,23 +34,23 @@ WAYS: dict[str, Callable[[Image], Image]] = {
 
 def main() -> None:
     """Print a table, or with ``--json`` one object."""
-    options = command_line(__doc__, scenes=3).parse_args()
+    options = command_line(__doc__, scenes=3, tags=25).parse_args()
     figures: dict[str, float] = {}
     for name, colors in (("neutral", 0.0), ("colorful", 0.25)):
         for condition in ("small", "small_slanted"):
-            figures |= compare(f"{name}_{condition}", condition, colors, options.scenes)
+            figures |= compare(f"{name}_{condition}", condition, colors, options)
     show(figures, as_json=options.json)
 
 
-def compare(name: str, condition: str, colors: float, count: int) -> dict[str, float]:
+def compare(name: str, condition: str, colors: float, options: Namespace) -> dict[str, float]:
     """Return the share of tags found and the corners' RMS error, px, for each way."""
     camera = Camera(width=SIZE[0], height=SIZE[1], pixels=PIXELS)
     errors: dict[str, list[float]] = {way: [] for way in ("gray", *WAYS)}
     present = 0
-    for k in range(count):
+    for k in range(options.scenes):
         rng = np.random.default_rng(k)
         still = CONDITIONS[condition]._replace(noise=0.0, jpeg=100)
-        image, truth = scene(rng, still, 25, SIZE)
+        image, truth = scene(rng, still, options.tags, SIZE)
         present += len(truth)
         noise = rng.normal(0, NOISE, image.shape)
         light = image * _colors(rng, colors) * color_response(camera) + noise

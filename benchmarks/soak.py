@@ -40,6 +40,7 @@ import numpy as np
 from printed import command_line
 from view import read_page
 
+TRANSPORT: Final = "radio"
 MINUTES, DRONES, RATE = 10.0, 30, 20
 MAX_JITTER: Final = 20.0  # ms, 99th percentile
 MAX_GROWTH: Final = 0.05  # of the resident memory of a process
@@ -225,7 +226,8 @@ def fly(folder: Path, drones: int, minutes: float) -> Soak:
     files = {name: folder / f"{name}.err" for name in ("fleet", "run")}
     port = str(PORT)
     serve = star("fleet", str(mission), "--port", port)
-    run = star("run", str(mission), "--set", "transport=radio", "--out", str(soak.folder), "--view")
+    transport = f"transport={TRANSPORT}"
+    run = star("run", str(mission), "--set", transport, "--out", str(soak.folder), "--view")
     context = multiprocessing.get_context("spawn")
     ready, done = context.Event(), context.Event()
     with running(serve, files["fleet"]) as fleet:

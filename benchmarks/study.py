@@ -44,6 +44,7 @@ from star_core import Registry, fly, load
 
 ROOT: Final = Path(__file__).parents[1]
 STAR: Final = Path(sys.executable).with_name("star")
+MISSION: Final = "first_flight"
 RUNS, WORKERS, NAP = 10_000, 64, 1.0  # s
 PROCESSES = 8  # of the workers
 PLANS = ((100, 100), (1000, 10))  # conditions, seeds
@@ -102,9 +103,9 @@ class Instant:
 
 
 def write(folder: Path, conditions: int, seeds: int, settings: str = "") -> Path:
-    """Write a study of first_flight with several radii of `orca` into a folder."""
+    """Write a study of `MISSION` with several radii of `orca` into a folder."""
     shutil.copytree(ROOT / "missions/worlds", folder / "worlds", dirs_exist_ok=True)
-    shutil.copy(ROOT / "missions/first_flight.yaml", folder)
+    shutil.copy(ROOT / f"missions/{MISSION}.yaml", folder)
     (folder / "studies").mkdir(exist_ok=True)
     levels = ", ".join(
         f"r{k}: {{avoider: {{use: orca, radius: {0.2 + 0.1 * k / conditions:.6f}}}, {settings}}}"
@@ -112,7 +113,7 @@ def write(folder: Path, conditions: int, seeds: int, settings: str = "") -> Path
     )
     path = folder / "studies/study.yaml"
     path.write_text(
-        "star: 1\nname: study\nmissions: [../first_flight.yaml]\n"
+        f"star: 1\nname: study\nmissions: [../{MISSION}.yaml]\n"
         f"seeds: {seeds}\nfactors: {{radius: {{{levels}}}}}\n"
         "measures: [flight_time_s, min_separation_m, path_length_m.total]\n"
     )
@@ -184,7 +185,7 @@ def ready(folder: Path) -> tuple[Path, Path]:
     path = write(folder, *((10, RUNS // 10) if RUNS >= 10 else (1, RUNS)))  # noqa: PLR2004 -- ten
     summary, registry = folder / "summary.json", Registry()
     if not summary.exists():
-        flight = fly(load("missions/first_flight.yaml", registry), registry)
+        flight = fly(load(f"missions/{MISSION}.yaml", registry), registry)
         summary.write_text(json.dumps(flight))
     return path, summary
 

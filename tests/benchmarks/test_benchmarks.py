@@ -27,13 +27,14 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from star_core import Registry
+from star_core.commands.main import main as star
 
 ROOT = Path(__file__).parents[2]
 BENCHMARKS = ROOT / "benchmarks"
 CAMPAIGNS = ROOT / "tests" / "campaign"
 HELLO = ROOT / "missions" / "hello.yaml"
 HELP = {"help": [str(Path(sys.executable).with_name("star")), "--help"]}
-UP_AND_DOWN = ("mission=[{takeoff: {height: 0.8}}, {land: {}}]",)
+UP_AND_DOWN = ("mission=[{takeoff: {height: 0.8}}, {land: {}}]", "rate=10")
 # 0.2 m ahead in 2 s, from rest to rest.
 AHEAD = "2.0,0,0,0,0,0.4375,-0.525,0.21875,-0.03125" + ",0" * 24
 COLUMNS = [f"{axis}^{power}" for axis in ("x", "y", "z", "yaw") for power in range(8)]
@@ -80,6 +81,17 @@ class Threads:
     def get_context(self, _method: str) -> Threads:
         """Return these threads."""
         return self
+
+
+class RunHere:
+    """In place of `subprocess`: runs commands of `star` in this process."""
+
+    DEVNULL = None
+
+    def run(self, command: Sequence[object], **_: object) -> None:
+        """Run a command, which must not fail."""
+        with contextlib.redirect_stdout(io.StringIO()):
+            assert star([str(word) for word in command[1:]]) == 0
 
 
 class FlownHere:
@@ -182,7 +194,7 @@ SCRIPTS = {
             },
         }
     ),
-    "mosaic": Small("--json --scenes 1", {"SIZE": (320, 214)}),
+    "mosaic": Small("--json --scenes 1 --tags 6", {"SIZE": (320, 214)}),
     "tests.campaign.killed_studies": Small(
         "--runs 6 --kills 2", campaign="three starts", prints="each run was flown once"
     ),
@@ -223,7 +235,11 @@ SCRIPTS = {
     ),
     "report": Small(
         "--json --rounds 1 --study",
-        {"STUDY_RUNS": 100, "opened": lambda _page, _rounds: {}},  # not by Chromium
+        {
+            "STUDY_RUNS": 100,
+            "subprocess": RunHere(),
+            "opened": lambda _page, _rounds: {},  # not by Chromium
+        },
     ),
     "tests.campaign.safe_defaults": Small(
         "--seeds 1 --workers 1 --missions single-crossing-5 --out {tmp}/out",
@@ -236,6 +252,7 @@ SCRIPTS = {
     "soak": Small(
         "--json --minutes 0.02 --drones 2",
         {
+            "TRANSPORT": "{use: radio, guardian: false}",
             "MAX_JITTER": 1e3,  # other tests run beside it
             "MAX_SLIP": 10.0,
             "CLOSING": 1000,  # nothing has grown yet
@@ -249,6 +266,7 @@ SCRIPTS = {
     "study": Small(
         "--json --only plan memory cluster",
         {
+            "MISSION": "hello",
             "PLANS": ((4, 2),),
             "RUNS": 20,
             "WORKERS": 2,
