@@ -20,6 +20,7 @@ import numpy as np
 import pytest
 
 from star_core import AgentPhase, Flight, Registry, Tick, Transform, fly, hookimpl, load
+from star_core.discovery import Source
 from star_faults.fault_file import faults_of
 from star_faults.injector import FaultInjector
 from star_mocap.time_offset import TimeOffset
@@ -140,14 +141,13 @@ def flown(
     observers: Sequence[object] = (),
 ) -> Flown:
     """Fly a mission in simulation with some faults, in the form of a fault file."""
-    watch, registry = Watch(), Registry()
+    watch = Watch()
+    registry = Registry(watch, *observers)
     mission = load(path, registry, [f"seed={seed}", *assignments])
-    plugins: list[object] = [watch, *observers]
     if faults:
-        faults_of_flight = faults_of(list(faults), mission.scene)
-        plugins.append(FaultInjector(mission.scene, faults_of_flight))
-    registry = Registry(*plugins)
-    summary = fly(load(path, registry, [f"seed={seed}", *assignments]), registry)
+        injector = FaultInjector(mission.scene, faults_of(list(faults), mission.scene))
+        registry.add(injector, Source("tests:faults"))
+    summary = fly(mission, registry)
     rms = [float(np.sqrt(np.mean(squares or [0.0]))) for squares in (watch.planar, watch.heights)]
     return Flown(seed, summary, watch.worst, watch.highest, watch.gaps, *rms)
 

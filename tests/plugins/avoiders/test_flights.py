@@ -46,7 +46,10 @@ def made(name: str, around: Scene, **options: Any) -> Avoider:
 def fly(
     avoider: Avoider, around: Scene, start: Array, goal: Array, seconds: float, std: float = 0.0
 ) -> Flown:
-    """Fly straight towards the goals for a while, with positions of a standard deviation, m."""
+    """Fly straight towards the goals, with positions of a standard deviation, m.
+
+    The flight is over when all agents hover at their goals, or after so many seconds.
+    """
     n = len(start)
     position, velocity = start.copy(), np.zeros_like(start)
     separation = clearance = np.inf
@@ -68,6 +71,8 @@ def fly(
         apart = np.linalg.norm(position[:, None] - position, axis=2) + 9 * np.eye(n)
         separation = min(separation, float(apart.min()))
         clearance = min(clearance, *(clear(around, point) for point in position))
+        if np.linalg.norm(goal - position, axis=1).max() < 0.03 and np.abs(velocity).max() < 0.02:
+            break
     return Flown(separation, clearance, np.linalg.norm(goal - position, axis=1))
 
 

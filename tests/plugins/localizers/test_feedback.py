@@ -61,7 +61,7 @@ def flown(path: str, feedback: str, seed: int, *changes: str) -> tuple[dict[str,
 
 
 def flown_briefly(path: str, feedback: str, seed: int = 0) -> tuple[dict[str, Any], float]:
-    return flown(path, feedback, seed, "mission.1.follow.until={elapsed: 20}")
+    return flown(path, feedback, seed, "mission.1.follow.until={elapsed: 16}")
 
 
 def test_corrections_reduce_the_drift_of_the_on_board_estimate() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +36,7 @@ from star_sim.onboard import ERRORS, nearest_surface
 from star_sim.onboard import Onboard as Receivers
 from star_sim.transport import Simulator
 from tests.campaign import onboard
+from tests.campaign.mocap import Accuracy
 from tests.plugins.localizers.conftest import report
 
 SEED = onboard.SEED + 500
@@ -210,7 +212,7 @@ def test_simulated_errors_are_those_of_the_table() -> None:
     drones["position"], drones["attitude"][:, 3] = (1.0, 0.0, 1.5), 1.0
     other = Beacon("bs2", (0.0, 0.5, 2.0))
     errors: dict[int, list[float]] = {1: [], 2: []}
-    for seed in range(300):
+    for seed in range(200):
         for stations in ((STATION,), (STATION, other)):
             here = replace(scene(1), seed=seed, world=room(base_stations=stations))
             fixes = Receivers(here, Fusion(1), system="lighthouse").measured(drones, 0.0)
@@ -219,6 +221,11 @@ def test_simulated_errors_are_those_of_the_table() -> None:
     bias = ERRORS["lighthouse"].bias
     assert np.std(errors[1]) == pytest.approx(3 * bias, rel=0.1)
     assert np.std(errors[2]) == pytest.approx(bias / np.sqrt(2), rel=0.1)
+
+
+@cache
+def flown_by(system: str) -> Accuracy:
+    return onboard.of_system(SEED, system)
 
 
 @pytest.mark.parametrize(
@@ -233,13 +240,13 @@ def test_simulated_errors_are_those_of_the_table() -> None:
     ],
 )
 def test_flights_are_as_accurate_as_the_system(system: str, most: float, along_z: float) -> None:
-    accuracy = onboard.of_system(SEED, system)
+    accuracy = flown_by(system)
     assert accuracy.rms <= most
     assert accuracy.along_z <= along_z
 
 
 def test_heights_by_loco_alone_are_its_worst_axis() -> None:
-    accuracy = onboard.of_system(SEED, "loco, no Flow deck")
+    accuracy = flown_by("loco, no Flow deck")
     planar = (accuracy.rms**2 - accuracy.along_z**2) / 2  # m², along x or y
     assert accuracy.along_z**2 > 2 * planar
 

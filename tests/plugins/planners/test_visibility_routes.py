@@ -12,7 +12,7 @@ import pytest
 import shapely
 from scipy.sparse.csgraph import shortest_path
 
-from star_core import Fence, Obstacle, Scene, World
+from star_core import Array, Fence, Obstacle, Scene, World
 from star_core.testing import scene
 from star_core.toolkit import footprint
 from star_core.world.outlines import box, wall
@@ -46,23 +46,29 @@ def routes(*obstacles: Obstacle) -> Routes:
     return Routes(room(*obstacles), clearance=CLEARANCE, vertical_clearance=0.2, margin=MARGIN)
 
 
-def brute_force(obstacles: Sequence[Obstacle], start: Corner, goal: Corner) -> float:
-    """The length of the shortest path among offset obstacles: all corners, all stretches.
+def brute_force(obstacles: Sequence[Obstacle], pairs: Array) -> Array:
+    """Return the lengths of shortest paths among offset obstacles: all corners, all stretches.
 
     Every pair of corners is a stretch unless shapely says that it enters an obstacle, and scipy
     searches; infinity if there is no path.
+
+    Args:
+        obstacles: All that there are.
+        pairs: (K, 2, 2) starts and goals.
     """
     ground = footprint(obstacles, 1.0, 1.0, KEPT)
     inside = ground.buffer(-1e-8, join_style="mitre")
     shapely.prepare(inside)
-    point = np.vstack([shapely.get_coordinates(ground), start, goal])
-    one, other = np.triu_indices(len(point), 1)
-    line = np.array(shapely.linestrings(np.stack([point[one], point[other]], axis=1)))
+    point = np.vstack([shapely.get_coordinates(ground), pairs.reshape(-1, 2)])
+    row, column = np.triu_indices(len(point), 1)
+    line = np.array(shapely.linestrings(np.stack([point[row], point[column]], axis=1)))
     free = ~shapely.intersects(inside, line)
     weight = np.zeros((len(point), len(point)))
-    weight[one[free], other[free]] = np.maximum(shapely.length(line[free]), 1e-12)
-    way = shortest_path(weight, directed=False, indices=len(point) - 1)
-    return float(way[len(point) - 2])
+    weight[row[free], column[free]] = np.maximum(shapely.length(line[free]), 1e-12)
+    starts = np.arange(len(point) - 2 * len(pairs), len(point), 2)
+    ways = shortest_path(weight, directed=False, indices=starts)
+    lengths: Array = ways[np.arange(len(pairs)), starts + 1]
+    return lengths
 
 
 def blob(random: np.random.Generator) -> Obstacle:
@@ -80,18 +86,16 @@ def test_paths_are_as_long_as_those_of_an_independent_search(seed: int) -> None:
     blobs = [blob(random) for _ in range(9)]
     ground = footprint(blobs, 1.0, 1.0, KEPT)
     finder = routes(*blobs)
-    compared = 0
-    while compared < 4:
-        start, goal = random.uniform(-4.9, 4.9, (2, 2))
-        if ground.intersects(shapely.points([start, goal])).any():
-            continue
+    drawn = random.uniform(-4.9, 4.9, (50, 2, 2))
+    inside = np.array(ground.intersects(shapely.points(drawn)))
+    pairs = drawn[~inside.any(axis=1)][:4]
+    assert len(pairs) == 4
+    for (start, goal), expected in zip(pairs, brute_force(blobs, pairs), strict=True):
         way = finder.route(np.array([*start, 1.0]), np.array([*goal, 1.0]))
-        expected = brute_force(blobs, tuple(start), tuple(goal))
         if isinstance(way, str):
             assert expected == math.inf
         else:
             assert length(np.vstack([[*start, 1.0], way])) == pytest.approx(expected, abs=1e-6)
-        compared += 1
 
 
 def test_without_obstacles_the_path_is_straight() -> None:

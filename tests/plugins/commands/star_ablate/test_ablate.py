@@ -50,11 +50,11 @@ def test_example_study_shows_that_orca_separates_drones(
 ) -> None:
     path = missions / "studies" / "avoiders.yaml"
     assert main([str(path), "--out", str(tmp_path / "a"), "--seeds", "1", "--workers", "1"]) == 0
-    found = rows(tmp_path / "a")
-    assert [(row["avoider"], row["seed"]) for row in found] == [
+    table = rows(tmp_path / "a")
+    assert [(row["avoider"], row["seed"]) for row in table] == [
         (level, "0") for level in ("none", "orca 0.25", "orca 0.3")
     ]
-    apart = {row["avoider"]: float(row["min_separation_m"]) for row in found}
+    apart = {row["avoider"]: float(row["min_separation_m"]) for row in table}
     assert apart["none"] < 0.5 < min(apart["orca 0.25"], apart["orca 0.3"])
     printed = capsys.readouterr().out
     assert "avoiders: 3 runs, 3 conditions; mission: first_flight." in printed
@@ -76,26 +76,24 @@ def test_crashed_runs_are_results_and_the_rest_is_flown(study: Write, rows: Rows
         HOP + "seeds: 1\n"
         "factors:\n"
         "  harm:\n"
-        "    exit: {avoider: {use: wrecker, made: exit}}\n"
         "    segfault: {avoider: {use: wrecker, used: segfault}}\n"
         "    use: {avoider: {use: wrecker, used: raise}}\n"
         "    nothing: {avoider: wrecker}\n"
     )
     out = ablate(path, "--workers", "1")
-    found = {row["harm"]: row for row in rows(out)}
-    ends = {harm: (row["outcome"], row["reason"]) for harm, row in found.items()}
-    assert ends["exit"] == ("crashed", "its process ended with exit status 3")
+    runs = {row["harm"]: row for row in rows(out)}
+    ends = {harm: (row["outcome"], row["reason"]) for harm, row in runs.items()}
     assert ends["segfault"] == ("crashed", "its process ended with SIGSEGV")
     assert ends["use"][0] == "failed"
     assert "wrecker" in ends["use"][1]
     assert "harm" in ends["use"][1]
     assert ends["nothing"] == ("completed", "")
-    assert found["use"]["flight_time_s"] != ""  # it flew, and was landed
-    assert found["segfault"]["flight_time_s"] == found["exit"]["flight_time_s"] == ""
+    assert runs["use"]["flight_time_s"] != ""  # it flew, and was landed
+    assert runs["segfault"]["flight_time_s"] == ""
     assert "Segmentation fault" in (out / "log.txt").read_text()
     page = (out / "results.md").read_text()
-    assert "| exit | 1 | 0% | - | - |" in page
-    assert "| exit | 0 | crashed | its process ended with exit status 3 |" in page
+    assert "| segfault | 1 | 0% | - | - |" in page
+    assert "| segfault | 0 | crashed | its process ended with SIGSEGV |" in page
 
 
 @pytest.mark.usefixtures("wrecker")
@@ -188,12 +186,12 @@ def test_an_interrupt_keeps_what_is_done_and_leaves_no_process(
         try:  # progress comes first on a busy machine
             assert any("harm: a, seed 0: completed" in line for line in process.stderr)
             process.send_signal(signal.SIGINT)
-            said, err = process.communicate(timeout=60)  # Python waits for processes left
+            output, err = process.communicate(timeout=60)  # Python waits for processes left
         finally:
             process.kill()
     assert process.returncode == 1
     assert f"star: interrupted; to resume, add `--out {out}`\n" in err
-    assert "1 of 2 runs" in said
+    assert "1 of 2 runs" in output
     (row,) = rows(out)
     assert (row["harm"], row["outcome"]) == ("a", "completed")
 

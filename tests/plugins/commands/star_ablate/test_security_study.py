@@ -21,7 +21,7 @@ from tests.plugins.commands.star_ablate.conftest import Write
 SCRIPT = "</script><script>alert(1)</script>"
 TEXTS = ["=1+1", "@SUM(1)", "+cmd|' /C calc'!A1", "-x", "\tx", "\rx", SCRIPT, "\x1b[2J", "a|b\nc"]
 
-pytestmark = pytest.mark.usefixtures("in_process")
+pytestmark = pytest.mark.usefixtures("instant")
 
 
 @pytest.fixture

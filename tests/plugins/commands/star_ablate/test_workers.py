@@ -56,9 +56,10 @@ def test_a_worker_that_died_idle_is_replaced(worker: Worker, hop: Callable[[str]
     assert process is not None
     process.kill()
     process.wait()
-    worker.begin(1, Job(hop("raise")))
+    worker.begin(1, Job(hop("exit")))
     index, result = worker.finish()
-    assert (index, result.outcome) == (1, "failed")
+    assert (index, result.outcome) == (1, "crashed")
+    assert result.reason == "its process ended with exit status 3"
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="reads processes from /proc")

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -12,6 +13,7 @@ import numpy as np
 import pytest
 from ruamel.yaml import YAML
 
+from star_calibrate import command as calibration
 from star_calibrate.board import Board, View, Views, find_views
 from star_calibrate.command import as_lines, as_text
 from star_calibrate.lens import Lens, deviations, solve
@@ -27,14 +29,39 @@ BOARD = Board(9, 6, 0.025)
 TRUE = Camera()
 
 
+@pytest.fixture(scope="module", autouse=True)
+def _calibrated_once() -> Iterator[None]:
+    """Have commands with the same images search them for boards, and solve for a lens, once."""
+    lenses: dict[int, Lens] = {}  # by the `id` of the views, which `find` keeps
+
+    @cache
+    def find(images: tuple[str, ...], board: Board, pixels: str) -> Views:
+        return find_views(images, board, pixels)
+
+    def find_all(images: Sequence[str], board: Board, pixels: str) -> Views:
+        return find(tuple(images), board, pixels)
+
+    def solved(views: Views, board: Board) -> Lens:
+        if id(views) not in lenses:
+            lenses[id(views)] = solve(views, board)
+        return lenses[id(views)]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(calibration, "find_views", find_all)
+        patch.setattr(calibration, "solve", solved)
+        yield
+
+
 @pytest.fixture(scope="module")
 def views(shots: list[str]) -> Views:
-    return find_views(shots, BOARD)
+    in_images: Views = vars(calibration)["find_views"](shots, BOARD, "gray")
+    return in_images
 
 
 @pytest.fixture(scope="module")
 def lens(views: Views) -> Lens:
-    return solve(views, BOARD)
+    solved: Lens = vars(calibration)["solve"](views, BOARD)
+    return solved
 
 
 def refused(arguments: Sequence[str]) -> str:
@@ -90,8 +117,8 @@ def test_the_error_is_that_of_the_corners(lens: Lens) -> None:
 def test_the_distance_of_the_board_follows_from_its_squares(views: Views, lens: Lens) -> None:
     assert all(0.15 < seen.distance < 0.45 for seen in lens.used)
     twice = solve(views, BOARD._replace(square=0.05))
-    for one, other in zip(lens.used, twice.used, strict=True):
-        assert other.distance == pytest.approx(2 * one.distance, rel=1e-3)
+    for fit, larger in zip(lens.used, twice.used, strict=True):
+        assert larger.distance == pytest.approx(2 * fit.distance, rel=1e-3)
 
 
 def test_a_picture_whose_corners_are_wrong_is_rejected_and_named(views: Views, lens: Lens) -> None:

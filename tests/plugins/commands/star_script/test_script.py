@@ -43,7 +43,7 @@ timeHelper.sleep(4.0)
 """
 END = """
 allcfs.land(targetHeight=0.04, duration=2.0)
-timeHelper.sleep(3.0)
+timeHelper.sleep(4.0)
 """
 
 Fly = Callable[..., tuple[int, dict[str, Any]]]
@@ -72,8 +72,9 @@ def completed(flight: tuple[int, dict[str, Any]]) -> None:
     assert (status, summary["outcome"]) == (0, "completed"), summary["reason"]
 
 
-def said(summary: dict[str, Any], kind: str = "script") -> list[str]:
-    return [event["text"] for event in summary["events"] if event["kind"] == kind]
+def events(summary: dict[str, Any]) -> list[str]:
+    """Return what the script commanded."""
+    return [event["text"] for event in summary["events"] if event["kind"] == "script"]
 
 
 def test_a_script_flies_is_recorded_and_flies_the_same_again(fly: Fly, tmp_path: Path) -> None:
@@ -89,10 +90,10 @@ def test_a_script_flies_is_recorded_and_flies_the_same_again(fly: Fly, tmp_path:
         status, summary = fly(body, "--out", str(tmp_path / name))
         assert (status, summary["outcome"]) == (0, "completed"), summary["reason"]
         runs.append(read_run(tmp_path / name))
-    assert said(summary)[:2] == ["hover.py:6 takeoff cf1, cf2", "hover.py:10 goTo cf1"]
-    one, other = (run.arrays for run in runs)
-    assert one["truth_position"].tobytes() == other["truth_position"].tobytes()
-    assert one.keys() == other.keys()
+    assert events(summary)[:2] == ["hover.py:6 takeoff cf1, cf2", "hover.py:10 goTo cf1"]
+    first, second = (run.arrays for run in runs)
+    assert first["truth_position"].tobytes() == second["truth_position"].tobytes()
+    assert first.keys() == second.keys()
     assert runs[0].agents == ("cf1", "cf2")
 
 
@@ -169,7 +170,7 @@ def test_setpoints_are_flown_and_end(fly: Fly) -> None:
 def test_a_script_that_fails_is_stopped_and_its_line_named(
     fly: Fly, body: str, text: str
 ) -> None:  # fmt: skip
-    status, summary = fly(body)
+    status, summary = fly(body, begin=BEGIN.replace("sleep(4.0)", "sleep(2.5)"))
     assert status == 1
     assert summary["outcome"] == "failed"
     assert summary["reason"].startswith(text), summary["reason"]
@@ -217,7 +218,7 @@ def test_groups_heed_their_masks(fly: Fly) -> None:
 def test_an_emergency_stops_the_motors(fly: Fly) -> None:
     status, summary = fly("cf1.emergency()\ntimeHelper.sleep(1.5)\nassert cf1.position[2] < 0.1")
     assert summary["outcome"] != "completed" or status == 0
-    assert any("hover.py:8 emergency cf1" in text for text in said(summary))
+    assert any("hover.py:8 emergency cf1" in text for text in events(summary))
 
 
 def test_parameters_status_and_the_rest_of_the_interface(fly: Fly) -> None:

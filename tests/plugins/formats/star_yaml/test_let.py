@@ -116,7 +116,8 @@ def test_a_wrong_value_is_located_where_it_is_and_where_it_is_used() -> None:
     ]
 
 
-def test_names_cannot_stand_for_endless_lists() -> None:
+def test_names_cannot_stand_for_endless_lists(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("star_yaml.scopes.MAX_VALUES", 10_000)
     doubled = "\n".join(f"  l{i + 1}: [{', '.join([f'$l{i}'] * 10)}]" for i in range(8))
     (problem,) = wrong(NAMED.replace("let: {", f"let:\n  l0: 1\n{doubled}\ngroups: {{"))
     assert "stand for more than" in problem

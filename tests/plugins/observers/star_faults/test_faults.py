@@ -44,6 +44,7 @@ MISSION = {
         "tumbled": {},
     },
     "mission": [{"takeoff": {"height": 0.6}}, {"hold": {"for": 3}}, {"land": {"speed": 0.5}}],
+    "rate": 10,
 }
 
 
@@ -77,16 +78,15 @@ def flown(folder: Path, *faults: Mapping[str, Any], **changes: Any) -> Flown:
     """Fly the mission, with changes, under faults."""
     (folder / "room.yaml").write_text(json.dumps(ROOM))
     (folder / "mission.yaml").write_text(json.dumps(MISSION | changes))
-    seen = Flown()
-    registry = Registry(seen)
+    flight = Flown()
+    registry = Registry(flight)
     mission = load(folder / "mission.yaml", registry)
-    given = list(faults)
-    (folder / "faults.yaml").write_text(json.dumps({"star": 1, "faults": given}))
-    if given:
-        injector = FaultInjector(mission.scene, faults_of(given, mission.scene))
+    (folder / "faults.yaml").write_text(json.dumps({"star": 1, "faults": faults}))
+    if faults:
+        injector = FaultInjector(mission.scene, faults_of(list(faults), mission.scene))
         registry.add(injector, type(registry.source("star-swarm:sim"))("test:faults"))
-    seen.summary = fly(mission, registry)
-    return seen
+    flight.summary = fly(mission, registry)
+    return flight
 
 
 @pytest.mark.parametrize(
@@ -213,7 +213,7 @@ def test_a_flow_sensor_that_sees_no_motion_is_noticed(tmp_path: Path) -> None:
 
 def test_a_short_silence_triggers_no_rule_and_is_reported_twice(tmp_path: Path) -> None:
     off = {"component": "link", "mode": "off", "agents": "cf1", "at": 4}
-    flight = flown(tmp_path, {**off, "for": 0.3})
+    flight = flown(tmp_path, {**off, "for": 0.3}, rate=20)
     assert flight.texts("fault") == ["fault: link of cf1: off", "fault: link of cf1: ok"]
     assert flight.texts("safety") == []
     repaired = flown(tmp_path, off, {**off, "mode": "ok", "at": 4.3})
@@ -224,8 +224,8 @@ def test_a_short_silence_triggers_no_rule_and_is_reported_twice(tmp_path: Path) 
 def test_faulty_flights_are_reproducible(tmp_path: Path) -> None:
     fault = {"component": "link", "mode": "intermittent", "loss": 0.5}
     first, second = flown(tmp_path, fault), flown(tmp_path, fault)
-    for one, other in zip(first.ticks, second.ticks, strict=True):
-        assert (one.telemetry.age == other.telemetry.age).all()
+    for tick, again in zip(first.ticks, second.ticks, strict=True):
+        assert (tick.telemetry.age == again.telemetry.age).all()
     ages = np.array([tick.telemetry.age for tick in first.ticks])
     assert 0.35 < (ages > 0).mean() < 0.65
     assert flown(tmp_path, {**fault, "probability": 0}).texts("fault") == []
@@ -240,8 +240,9 @@ def test_reports_are_late_slow_stuck_or_wrong(tmp_path: Path) -> None:
         {**telemetry, "mode": "stuck", "agents": "cf3"},
         {**telemetry, "mode": "wrong", "offset": [0, 0.5, 0], "agents": "cf4"},
         safety={},
+        rate=20,
     )
-    plain = {round(tick.time, 3): tick for tick in flown(tmp_path, safety={}).ticks}
+    plain = {round(tick.time, 3): tick for tick in flown(tmp_path, safety={}, rate=20).ticks}
     tick = next(tick for tick in flight.ticks if tick.time >= 4)
     age = tick.telemetry.age
     assert age[0] == pytest.approx(0.25)
@@ -278,7 +279,7 @@ BROKEN = ("off", "garbage", "intermittent")
 def test_a_faulty_plugin_ends_with_all_agents_on_the_ground(
     tmp_path: Path, kind: str, mode: str
 ) -> None:
-    at = {"at": 3.5} | ({"for": 0.2} if kind == "transport" else {})
+    at = {"at": 3.5} | ({"for": 0.4} if kind == "transport" else {})
     flight = flown(tmp_path, {"component": "plugin", "plugin": kind, "mode": mode, **at})
     assert flight.texts("fault")[0] == f"fault: plugin {kind}: {mode}"
     truth = flight.ticks[-1].truth

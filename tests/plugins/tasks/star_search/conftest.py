@@ -45,7 +45,7 @@ from star_visibility.planner import Visibility
 FLAT = (0.0, 0.0, 0.0, 1.0)
 BLOCK = Obstacle("block", (((-0.4, -0.4), (0.4, -0.4), (0.4, 0.4), (-0.4, 0.4)),), (0.0, 2.5))
 HEIGHT = 0.8  # m
-PERIOD = 0.1  # s
+PERIOD = 0.2  # s
 SPEC = Registry(star_search, installed=False).find("task", "search").offer
 
 

@@ -104,7 +104,7 @@ def test_unrotated_tags_are_upright_for_a_north_facing_camera() -> None:
 def test_rendered_edges_are_unbiased_for_any_motion() -> None:
     rng = np.random.default_rng(3)
     errors, directions = [], []
-    for number in range(40):
+    for number in range(25):
         tag = lying(number, 0.5, yaw=rng.uniform(-3, 3))
         world = room()
         shot = take(
@@ -121,7 +121,7 @@ def test_rendered_edges_are_unbiased_for_any_motion() -> None:
         outward = corners[0] - corners[0].mean(axis=0)
         directions.append(outward / np.linalg.norm(outward, axis=1, keepdims=True))
     error, outward = np.array(errors), np.array(directions)
-    assert len(error) > 25
+    assert len(error) > 15
     assert np.abs(error.mean(axis=(0, 1))).max() < 0.05  # px: half a pixel off would be seen
     assert abs((error * outward).sum(axis=2).mean()) < 0.1  # not grown, not shrunk
     assert np.sqrt((error**2).mean()) < 0.15
@@ -159,7 +159,7 @@ def test_tags_are_found_near_and_lost_far() -> None:
     )
     rng = np.random.default_rng(0)
     near, far = [], []
-    for yaw in np.linspace(-0.5, 0.5, 16):
+    for yaw in np.linspace(-0.5, 0.5, 10):
         shot = take((*rng.uniform(-0.3, 0.3, 2), 0.7), (0, 0, yaw), rng.normal(0, 0.15, 3))
         seen = detected(picture(renderer, shot, rng))
         within = [
@@ -167,7 +167,7 @@ def test_tags_are_found_near_and_lost_far() -> None:
         ]
         near += [number in seen for number in within]
         far += [np.linalg.norm(frame[number] - shot.position) for number in seen]
-    assert len(near) > 30
+    assert len(near) > 18
     assert np.mean(near) > 0.9
     assert max(far) < 2.2
 
