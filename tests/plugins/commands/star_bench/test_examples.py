@@ -40,7 +40,7 @@ def test_every_example_checks_and_flies_without_collision(
     mission = str(missions / "scenarios" / f"{name}-{AGENTS}-0.yaml")
     assert main(["check", mission]) == 0
     capsys.readouterr()
-    assert main(["run", mission, "--json", "--no-record"]) == 0
+    assert main(["run", mission, "--json", "--no-record", "--set", "rate=10"]) == 0
     summary = json.loads(capsys.readouterr().out)
     assert summary["outcome"] == "completed"
     assert summary["collisions"] == {"agent_agent": 0, "agent_obstacle": 0}

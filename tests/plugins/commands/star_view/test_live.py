@@ -41,12 +41,6 @@ def flown(view: LiveView | None, operator: Operator | None = None, speed: str = 
     return {key: value for key, value in summary.items() if key not in WALL}
 
 
-@pytest.fixture(scope="module")
-def unwatched() -> Any:
-    """Summary of the flight without a view."""
-    return flown(None)
-
-
 def watched(
     act: Callable[[Browser], None], operator: Operator | None = None, view: LiveView | None = None
 ) -> Any:
@@ -58,10 +52,6 @@ def watched(
         with Browser(view.address) as browser:
             act(browser)
             return flight.result(PATIENCE)
-
-
-def test_a_watched_flight_is_the_same_flight(unwatched: Any) -> None:
-    assert flown(LiveView(0.3, port=PORT)) == unwatched
 
 
 def test_page_shows_the_flight_and_lands_agents_with_its_token() -> None:
@@ -93,7 +83,7 @@ def test_the_page_stops_the_motors() -> None:
     assert summary["reason"] == "interrupted by the operator; stopped, motors off"
 
 
-def test_page_changes_simulation_speed_and_nothing_else(unwatched: Any) -> None:
+def test_page_changes_simulation_speed_and_nothing_else() -> None:
     operator = Operator()
 
     def act(browser: Browser) -> None:
@@ -104,7 +94,7 @@ def test_page_changes_simulation_speed_and_nothing_else(unwatched: Any) -> None:
         assert any("| cf1 | landed |" in text for text in browser.texts.values())
         assert operator.simulation.speed == 9.5
 
-    assert watched(act, operator) == unwatched
+    assert watched(act, operator) == flown(None)
 
 
 class Watcher:

@@ -70,8 +70,8 @@ def messages(run: Path, topic: str = "") -> dict[str, list[Any]]:
     """Return the messages of a recording by topic, or those of one topic."""
     received: dict[str, list[Any]] = {}
     with AnyReader([run / FILE]) as bag:
-        wanted = [one for one in bag.connections if topic in {one.topic, ""}]
-        for connection, _time, data in bag.messages(connections=wanted):
+        connections = [c for c in bag.connections if topic in {c.topic, ""}]
+        for connection, _time, data in bag.messages(connections=connections):
             message = bag.deserialize(data, connection.msgtype)
             received.setdefault(connection.topic, []).append(message)
     return received
@@ -121,58 +121,56 @@ def test_recorded_estimates_have_covariance_and_body_velocity(run: Path) -> None
 
 
 def test_planned_paths_lead_from_the_agent_to_its_goal(run: Path) -> None:
-    found = messages(run, "/cf1/plan")["/cf1/plan"]
+    plans = messages(run, "/cf1/plan")["/cf1/plan"]
     kept = read_run(run)
     ends = [kept.paths.points(k) for k in np.flatnonzero(kept.paths.agent == 0).tolist()]
-    assert 1 < len(found) <= len(ends)
-    path = found[0]
+    assert 1 < len(plans) <= len(ends)
+    path = plans[0]
     assert (path.header.frame_id, len(path.poses)) == ("map", 2)
     moment = path.header.stamp.sec + 1e-9 * path.header.stamp.nanosec
     tick = int(np.argmin(np.abs(kept.arrays["time"] - moment)))
-    line = [(at.x, at.y, at.z) for at in (one.pose.position for one in path.poses)]
+    line = [(at.x, at.y, at.z) for at in (pose.pose.position for pose in path.poses)]
     assert line == [tuple(kept.arrays["estimate_position"][tick, 0]), tuple(ends[0][0])]
 
 
-def test_recorded_tags_have_the_timestamps_of_their_images(tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def images(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of a flight of a drone that sees a tag, with its images."""
     mission = (
-        "swarm: {cf1: {start: [0, 0, 0], camera: aideck}}\n"
+        "cameras: {eye: {rate: 15}}\nswarm: {cf1: {start: [0, 0, 0], camera: eye}}\n"
         "localizer: {use: apriltag, processes: 0}\navoider: none\n"
         "mission:\n  - takeoff: {height: 0.5, speed: 0.5}\n  - hold: {for: 0.6}\n"
     )
-    out = flown(
-        tmp_path, mission, "landmarks: {mat: {tags: [3], at: [0.6, 0, 0]}}", "--save-frames"
-    )
-    found = read_run(out).detections
-    assert set(found.tag.tolist()) == {3}
-    assert len(found.tag) > 2
+    mat = "landmarks: {mat: {tags: [3], at: [0.6, 0, 0]}}"
+    return flown(tmp_path_factory.mktemp("images"), mission, mat, "--save-frames")
+
+
+def test_recorded_tags_have_the_timestamps_of_their_images(images: Path) -> None:
+    tags = read_run(images).detections
+    assert set(tags.tag.tolist()) == {3}
+    assert len(tags.tag) > 2
     recorded = [
         (message.header.stamp, message.detections[0])
-        for message in messages(out, "/cf1/camera/detections")["/cf1/camera/detections"]
+        for message in messages(images, "/cf1/camera/detections")["/cf1/camera/detections"]
     ]
     stamps = [stamp.sec + 1e-9 * stamp.nanosec for stamp, _ in recorded]
-    assert stamps == pytest.approx(found.time)
-    assert [(c.x, c.y) for c in recorded[0][1].corners] == pytest.approx(found.corners[0])
-    assert {int(path.stem) for path in out.glob("frames/cf1/*.png")} >= {
-        round(1000 * moment) for moment in found.time
+    assert stamps == pytest.approx(tags.time)
+    assert [(c.x, c.y) for c in recorded[0][1].corners] == pytest.approx(tags.corners[0])
+    assert {int(path.stem) for path in images.glob("frames/cf1/*.png")} >= {
+        round(1000 * moment) for moment in tags.time
     }
 
 
-def test_images_are_kept_at_five_per_second_with_the_intrinsics(tmp_path: Path) -> None:
-    mission = (
-        "cameras: {eye: {rate: 15}}\nswarm: {cf1: {start: [0, 0, 0], camera: eye}}\n"
-        "localizer: flow\navoider: none\nmission:\n  - takeoff: {height: 0.3, speed: 0.5}\n"
-    )
-    received = messages(flown(tmp_path, mission, "", "--save-frames"))
-    images, infos = (
-        received[f"/cf1/camera/{name}"] for name in ("image/compressed", "camera_info")
-    )
-    stamps = [image.header.stamp.sec + 1e-9 * image.header.stamp.nanosec for image in images]
+def test_images_are_kept_at_five_per_second_with_the_intrinsics(images: Path) -> None:
+    received = messages(images)
+    kept, infos = (received[f"/cf1/camera/{name}"] for name in ("image/compressed", "camera_info"))
+    stamps = [image.header.stamp.sec + 1e-9 * image.header.stamp.nanosec for image in kept]
     assert len(stamps) > 5
     assert np.diff(stamps).min() >= 0.2 - 1e-6
-    pixels = cv2.imdecode(images[0].data, cv2.IMREAD_UNCHANGED)
+    pixels = cv2.imdecode(kept[0].data, cv2.IMREAD_UNCHANGED)
     assert pixels is not None
     assert pixels.shape == (infos[0].height, infos[0].width)
-    assert len(infos) == len(images)
+    assert len(infos) == len(kept)
     assert infos[0].header.frame_id == "cf1/camera"
     assert infos[0].k[[0, 2, 4, 5]].tolist() == pytest.approx(list(_matrix()))
 
@@ -192,14 +190,14 @@ def test_no_index_of_a_chunk_stays_in_memory_until_the_end(tmp_path: Path) -> No
                 recording.add_message(number, chunk, b"x", chunk)
             recording.flush()  # type: ignore[no-untyped-call]
         gc.collect()
-        assert not [one for one in gc.get_objects() if type(one) is ChunkIndex]
+        assert not [item for item in gc.get_objects() if type(item) is ChunkIndex]
         recording.finish()  # type: ignore[no-untyped-call]
     with (tmp_path / FILE).open("rb") as stream:
         reader = make_reader(stream, validate_crcs=True)
         summary = reader.get_summary()
         assert summary is not None
         assert len(summary.chunk_indexes) == chunks
-        assert all(len(one.message_index_offsets) == channels for one in summary.chunk_indexes)
+        assert all(len(i.message_index_offsets) == channels for i in summary.chunk_indexes)
         assert sum(1 for _ in reader.iter_messages(topics="/7")) == chunks
 
 
@@ -226,7 +224,7 @@ def test_a_damaged_chunk_costs_its_own_messages_only(
     broken = tmp_path / FILE
     broken.write_bytes(whole)
     before = recover(broken)
-    first, second, *_ = (found.start() for found in re.finditer(rb"zstd", broken.read_bytes()))
+    first, second, *_ = (match.start() for match in re.finditer(rb"zstd", broken.read_bytes()))
     content = bytearray(broken.read_bytes())
     content[(first + second) // 2] ^= 1
     broken.write_bytes(content)
@@ -263,7 +261,7 @@ def test_corrupt_chunk_lengths_keep_the_messages_before_them(
     broken.write_bytes((run / FILE).read_bytes())
     before = recover(broken)
     content = bytearray(broken.read_bytes())
-    _first, second, *_ = (found.end() for found in re.finditer(rb"zstd", content))
+    _first, second, *_ = (match.end() for match in re.finditer(rb"zstd", content))
     content[second : second + 8] = b"\xff" * 8  # length of the chunk's data
     broken.write_bytes(content)
     assert 0 < recover(broken).messages < before.messages

@@ -72,7 +72,7 @@ def test_drones_far_from_sorted_are_found_all_the_same() -> None:
 
 
 @given(seed=st.integers(0, 1000))
-@settings(max_examples=10)
+@settings(max_examples=5)
 def test_crowds_thrown_among_obstacles_stay_finite_and_outside(seed: int) -> None:
     rng = np.random.default_rng(seed)
     corners = [(x - 0.1, y - 0.2) for x in (-1.5, -0.5, 0.5, 1.5) for y in (-1.5, -0.5, 0.5, 1.5)]
