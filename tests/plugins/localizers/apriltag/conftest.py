@@ -44,6 +44,7 @@ LEVEL = np.array([0.0, 0.0, 1.0])  # up, in the frame of a body that is not tilt
 AHEAD = 1.28  # m, from the centre: what the camera looks at
 SIZE, APART = 0.168, 0.21  # m, of a tag and between the two of a sheet
 FARTHEST = 2.0  # m: a tag further away is not made out
+WIDEST = 2.0  # tangent of an angle from the optical axis that is beyond all corners of the image
 TARGET = Tag(200, SIZE, (0.6, 1.15, 0.0), turned(0, 0, 0.4), "survivor")
 
 SETTINGS = Settings(
@@ -177,19 +178,27 @@ def localizer(scene: Scene, **changes: Any) -> AprilTag:
 
 def tags_seen(body: Pose, tags: Sequence[Tag]) -> dict[int, Array]:
     """The (4, 2) corners of the tags that are wholly in the image, by their numbers."""
-    there = {tag.id: _pixels(body, tag) for tag in tags}
-    return {number: pixels for number, pixels in there.items() if pixels is not None}
+    pixels = zip(tags, _pixels(body, tags), strict=True)
+    return {tag.id: corners for tag, corners in pixels if corners is not None}
 
 
-def _pixels(body: Pose, tag: Tag) -> Array | None:
+def _pixels(body: Pose, tags: Sequence[Tag]) -> list[Array | None]:
     """As `seen`, but None for what is far away, and where the lens model folds back."""
-    if math.dist(tag.position, body.position) > FARTHEST:
-        return None
+    position = np.array([tag.position for tag in tags]).reshape(-1, 3)
+    near = np.linalg.norm(position - body.position, axis=1) <= FARTHEST
+    x, y, z = (body @ LENS.mounting).inverse().apply(position).T
+    near &= np.hypot(x, y) < WIDEST * z
+    return [
+        _corners(body, tag) if is_near else None for tag, is_near in zip(tags, near, strict=True)
+    ]
+
+
+def _corners(body: Pose, tag: Tag) -> Array | None:
     pixels = seen(body, tag, LENS)
     if pixels is None:
         return None
-    place = Pose(rotation_from_quaternion(tag.rotation), np.array(tag.position))
-    ahead = (body @ LENS.mounting).inverse().apply(place.apply(square_corners(tag.size)))
+    pose = Pose(rotation_from_quaternion(tag.rotation), np.array(tag.position))
+    ahead = (body @ LENS.mounting).inverse().apply(pose.apply(square_corners(tag.size)))
     rays = LENS.undistort(pixels)
     return pixels if np.allclose(rays, ahead[:, :2] / ahead[:, 2:], atol=1e-6) else None
 
@@ -198,19 +207,18 @@ def views(
     body: Pose, tags: Sequence[Tag], real: Sequence[Tag] | None = None
 ) -> list[tuple[int, View]]:
     """Measurements of the tags in an image, whose true positions may differ from the map's."""
-    lens, found = LENS, []
-    for tag, there in zip(tags, real or tags, strict=True):
-        pixels = _pixels(body, there)
+    measured = []
+    for tag, pixels in zip(tags, _pixels(body, real or tags), strict=True):
         if pixels is None:
             continue
-        place = Pose(rotation_from_quaternion(tag.rotation), np.array(tag.position))
-        eye = (body @ lens.mounting).position
-        spread = corner_std(float(np.linalg.norm(place.position - eye)), tag.size)
-        rays = lens.undistort(pixels)
-        spread /= float(lens.magnification(rays.mean(axis=0)))
-        view = View(place.apply(square_corners(tag.size)), rays, spread, np.zeros(4))
-        found.append((tag.id, view))
-    return found
+        pose = Pose(rotation_from_quaternion(tag.rotation), np.array(tag.position))
+        eye = (body @ LENS.mounting).position
+        spread = corner_std(float(np.linalg.norm(pose.position - eye)), tag.size)
+        rays = LENS.undistort(pixels)
+        spread /= float(LENS.magnification(rays.mean(axis=0)))
+        view = View(pose.apply(square_corners(tag.size)), rays, spread, np.zeros(4))
+        measured.append((tag.id, view))
+    return measured
 
 
 def attitude(body: Pose) -> Quaternion:
@@ -242,10 +250,10 @@ def telemetry(
     rows, numbers, corners = [], [], []
     for row, circle in enumerate(circles):
         if taken is not None:
-            found = tags_seen(circle.body(taken), tags)
-            rows += [row] * len(found)
-            numbers += list(found)
-            corners += list(found.values())
+            visible = tags_seen(circle.body(taken), tags)
+            rows += [row] * len(visible)
+            numbers += list(visible)
+            corners += list(visible.values())
     when = np.full(len(rows), np.nan if taken is None else taken)
     return Telemetry(
         time=now,
