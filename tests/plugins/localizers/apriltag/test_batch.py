@@ -27,7 +27,7 @@ TAGS = sheets()
 
 
 def test_tags_correct_the_drift_of_odometry() -> None:
-    circle = Circle(20, seed=3)
+    circle = Circle(14, seed=3)
     alone = flight(circle, method="batch")
     seeing = flight(circle, TAGS, method="batch")
     assert off(seeing, circle)[200:].max() < 0.5 * off(alone, circle)[200:].max()

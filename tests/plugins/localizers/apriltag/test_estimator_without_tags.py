@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Final
 
 import numpy as np
@@ -17,6 +18,7 @@ NO_CORNERS = np.zeros((0, 4, 2))
 NOWHERE = Tag(7, 0.168, (50.0, 50.0, 0.0), (0.0, 0.0, 0.0, 1.0), "far away")
 
 
+@cache
 def followed(*, floor: bool = True, stains: float = 1.0) -> FilterEstimator:
     """An agent after a straight flight along x over a floor without tags."""
     agent = Agent("cf1", (0.0, 0.0, HEIGHT), camera=Camera(readout=0.0))
