@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -82,10 +84,13 @@ def written(folder: Path, positioning: str) -> Path:
     return path
 
 
-def flown(folder: Path, positioning: str) -> Errors:
+@cache
+def flown(positioning: str) -> Errors:
     errors = Errors()
     registry = Registry(errors)
-    summary = fly(load(written(folder, positioning), registry), registry)
+    with TemporaryDirectory() as folder:
+        mission = load(written(Path(folder), positioning), registry)
+        summary = fly(mission, registry)
     assert summary["outcome"] == "completed", summary["reason"]
     return errors
 
@@ -99,10 +104,8 @@ def flown(folder: Path, positioning: str) -> Errors:
         ("std: 0.03, correlation_time: 5, dropout_rate: 0.1, dropout_time: 3", 0.2),
     ],
 )
-def test_covariances_are_honest_and_bounded(
-    tmp_path: Path, positioning: str, widest: float
-) -> None:
-    errors = flown(tmp_path, positioning)
+def test_covariances_are_honest_and_bounded(positioning: str, widest: float) -> None:
+    errors = flown(positioning)
     assert 0.7 <= errors.nees() <= 1.5
     assert errors.std().max() < widest
 
@@ -170,10 +173,8 @@ def test_a_transport_without_positions_is_an_error(tmp_path: Path) -> None:
     ("positioning", "gap"),
     [("std: 0.03", 0.07), ("std: 0.01, dropout_rate: 0.2, dropout_time: 3", 3.07)],
 )
-def test_the_expected_deviation_is_that_of_flights(
-    tmp_path: Path, positioning: str, gap: float
-) -> None:
-    errors = flown(tmp_path, positioning)
+def test_the_expected_deviation_is_that_of_flights(positioning: str, gap: float) -> None:
+    errors = flown(positioning)
     measured = errors.std()[40:].max()
     around = replace(scene(1), measurement_errors=(0.03 if "0.03" in positioning else 0.01, gap))
     time = np.arange(0.0, 5.0, 0.5)
