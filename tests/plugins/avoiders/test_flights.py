@@ -60,13 +60,13 @@ def fly(
         way = goal - position
         distance = np.linalg.norm(way, axis=1, keepdims=True)
         wish = way * np.minimum(1.5, SPEED / np.maximum(distance, 1e-9))
-        wanted = Setpoint(wish, np.zeros(n), np.ones(n, np.bool_))
+        planned = Setpoint(wish, np.zeros(n), np.ones(n, np.bool_))
         now = estimate(position, velocity=velocity)
         now = replace(now, covariance=np.tile(std**2 * np.eye(3), (n, 1, 1)))
-        told = avoider.avoid(now, wanted).velocity
-        assert np.linalg.norm(told, axis=1).max() <= SPEED + 1e-9
+        safe_velocity = avoider.avoid(now, planned).velocity
+        assert np.linalg.norm(safe_velocity, axis=1).max() <= SPEED + 1e-9
         for _ in range(5):
-            velocity = velocity + (told - velocity) * (around.period / 5 / LAG)
+            velocity = velocity + (safe_velocity - velocity) * (around.period / 5 / LAG)
             position = position + velocity * (around.period / 5)
         apart = np.linalg.norm(position[:, None] - position, axis=2) + 9 * np.eye(n)
         separation = min(separation, float(apart.min()))
@@ -211,8 +211,8 @@ def test_an_agent_that_takes_off_is_given_way_to(name: str) -> None:
     for _ in range(100):
         velocity[0] = [0.0, 0.0, 0.4 if position[0, 2] < 0.8 else 0.0]
         wish = np.array([[0.0, 0, 0], [0.4, 0.0, 0.0]])
-        wanted = Setpoint(wish, np.zeros(2), np.array([False, True]))
-        safe = avoider.avoid(estimate(position, velocity=velocity), wanted)
+        planned = Setpoint(wish, np.zeros(2), np.array([False, True]))
+        safe = avoider.avoid(estimate(position, velocity=velocity), planned)
         assert safe.active.tolist() == [False, True]
         velocity[1] += (safe.velocity[1] - velocity[1]) * (around.period / LAG)
         position = position + velocity * around.period
@@ -224,8 +224,8 @@ def test_an_agent_that_takes_off_is_given_way_to(name: str) -> None:
 def test_one_that_stands_far_below_is_in_nothings_way(name: str) -> None:
     now = estimate(np.array([[0.0, 0.0, 0.0], [-0.3, 0.0, 1.0]]))
     wish = np.array([[0.0, 0, 0], [0.4, 0.0, 0.0]])
-    wanted = Setpoint(wish, np.zeros(2), np.array([False, True]))
-    answer = made(name, room(2)).avoid(now, wanted).velocity
+    planned = Setpoint(wish, np.zeros(2), np.array([False, True]))
+    answer = made(name, room(2)).avoid(now, planned).velocity
     assert answer[1, 0] == pytest.approx(0.4, rel=0.05)
     assert (answer[0] == wish[0]).all()
 
@@ -238,8 +238,8 @@ def test_a_swarm_of_nothing_is_no_trouble(name: str) -> None:
 
 @all_avoiders
 def test_two_at_one_point_part(name: str) -> None:
-    here, wanted = np.zeros((2, 3)), Setpoint(np.zeros((2, 3)), np.zeros(2), np.ones(2, np.bool_))
-    answer = made(name, room(2)).avoid(estimate(here), wanted).velocity
+    here, planned = np.zeros((2, 3)), Setpoint(np.zeros((2, 3)), np.zeros(2), np.ones(2, np.bool_))
+    answer = made(name, room(2)).avoid(estimate(here), planned).velocity
     assert answer[0, 0] > 0 > answer[1, 0]
 
 
@@ -252,8 +252,8 @@ def test_answers_are_invariant_to_rotation_shift_and_row_order(name: str, seed: 
     avoider = made(name, around)
 
     def ask(position: Array, wish: Array) -> Array:
-        wanted = Setpoint(wish, np.zeros(8), all_of_them)
-        return avoider.avoid(estimate(position), wanted).velocity
+        planned = Setpoint(wish, np.zeros(8), all_of_them)
+        return avoider.avoid(estimate(position), planned).velocity
 
     expected, order = ask(position, wish), random.permutation(8)
     turn = np.array([[0.6, -0.8, 0], [0.8, 0.6, 0], [0, 0, 1]])
@@ -270,8 +270,8 @@ def test_nothing_is_compiled_in_flight() -> None:
     known = len(kernel.signatures)
     for order in ("C", "F"):
         wish = np.asarray(np.ones((3, 3)), order=order)
-        wanted = Setpoint(wish, np.zeros(3), np.ones(3, np.bool_))
-        avoider.avoid(estimate(np.asarray(np.eye(3), order=order)), wanted)
+        planned = Setpoint(wish, np.zeros(3), np.ones(3, np.bool_))
+        avoider.avoid(estimate(np.asarray(np.eye(3), order=order)), planned)
     assert len(kernel.signatures) == known
 
 

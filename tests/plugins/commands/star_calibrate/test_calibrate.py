@@ -115,7 +115,7 @@ def test_the_error_is_that_of_the_corners(lens: Lens) -> None:
 
 
 def test_the_distance_of_the_board_follows_from_its_squares(views: Views, lens: Lens) -> None:
-    assert all(0.15 < seen.distance < 0.45 for seen in lens.used)
+    assert all(0.15 < fit.distance < 0.45 for fit in lens.used)
     twice = solve(views, BOARD._replace(square=0.05))
     for fit, larger in zip(lens.used, twice.used, strict=True):
         assert larger.distance == pytest.approx(2 * fit.distance, rel=1e-3)
@@ -125,7 +125,7 @@ def test_a_picture_whose_corners_are_wrong_is_rejected_and_named(views: Views, l
     moved = views.with_board[0].corners + 8 * np.sin(views.with_board[1].corners)
     bent = View("bent.png", moved.astype(np.float32))
     worse = solve(views._replace(with_board=(*views.with_board, bent)), BOARD)
-    assert "bent.png" in {seen.name for seen in worse.rejected}
+    assert "bent.png" in {fit.name for fit in worse.rejected}
     assert worse.matrix == pytest.approx(lens.matrix, abs=0.5)
     report = as_text(worse, views._replace(with_board=(*views.with_board, bent)))
     assert "bent.png: rejected: " in report
@@ -150,8 +150,8 @@ def test_deviations_are_those_of_the_whole_least_squares_problem(studio: Any) ->
         whole[rows, 24:] = by[:, 6:14]
     spread = np.diag(np.linalg.inv(whole.T @ whole))[24:28]
     variance = 4 * 54 * 0.1**2 / (4 * 108 - 32)
-    found = deviations(studio.points, places, *lens, 0.1)
-    assert found == pytest.approx(np.sqrt(variance * spread), rel=1e-4)
+    computed = deviations(studio.points, places, *lens, 0.1)
+    assert computed == pytest.approx(np.sqrt(variance * spread), rel=1e-4)
 
 
 def test_one_frontal_image_leaves_infinite_deviations(studio: Any) -> None:
@@ -260,8 +260,8 @@ def test_the_report_names_every_picture_and_its_error(
     empty = blank(tmp_path / "empty.png")
     main(["camera", *shots, empty, "--out", str(tmp_path / "camera.yaml")])
     out = capsys.readouterr().out
-    for seen in lens.used:
-        assert f"{seen.name}: {seen.error:.3f} px at {seen.distance:.2f} m\n" in out
+    for fit in lens.used:
+        assert f"{fit.name}: {fit.error:.3f} px at {fit.distance:.2f} m\n" in out
     assert f"{empty}: no board\n" in out
     assert f"RMS {lens.error:.3f} px over {len(lens.used)} images\n" in out
 
@@ -307,8 +307,8 @@ def test_corners_that_no_lens_explains_are_refused(views: Views) -> None:
 
 def test_pictures_of_different_sizes_are_refused(shots: list[str], tmp_path: Path) -> None:
     other = blank(tmp_path / "other.png", 640, 480)
-    found = f"{other}: is 640x480 px, but {shots[0]} is 324x244 [wrong-image-size]"
-    assert refused([shots[0], other]) == found
+    problem = f"{other}: is 640x480 px, but {shots[0]} is 324x244 [wrong-image-size]"
+    assert refused([shots[0], other]) == problem
 
 
 def test_pictures_that_are_no_camera_s_are_refused(tmp_path: Path) -> None:
@@ -321,8 +321,8 @@ def test_pictures_that_are_no_camera_s_are_refused(tmp_path: Path) -> None:
 def test_files_that_are_no_pictures_are_refused(content: bytes, tmp_path: Path) -> None:
     path = tmp_path / "a.png"
     path.write_bytes(content)
-    wanted = "no image; expected PNG, JPEG, PGM, ... [unreadable-file]"
-    assert refused([str(path)]) == f"{path}: {wanted}"
+    expected = "no image; expected PNG, JPEG, PGM, ... [unreadable-file]"
+    assert refused([str(path)]) == f"{path}: {expected}"
 
 
 def test_every_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:

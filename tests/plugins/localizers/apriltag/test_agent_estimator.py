@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import cache
 
 import numpy as np
 import pytest
@@ -29,6 +30,13 @@ TAGS = sheets(8)
 LATENCY = 0.15  # s
 
 
+@cache
+def displaced(tags: tuple[Tag, ...], survey: float, seed: int) -> list[Tag]:
+    """Return the real tags for those of a map whose positions err by `survey`, m and rad."""
+    error = camera_options(survey_std=survey, survey_yaw_std_deg=math.degrees(survey))
+    return list(real_tags(tags, [seed, 1], error))
+
+
 class Flight:
     """A tracker that hears odometry in each tick and sees every second one's tags."""
 
@@ -52,11 +60,7 @@ class Flight:
         self.now = until
 
     def see(self, taken: float, tags: Sequence[Tag] = TAGS) -> None:
-        real = tags
-        if self._survey:
-            turn = math.degrees(self._survey)
-            error = camera_options(survey_std=self._survey, survey_yaw_std_deg=turn)
-            real = list(real_tags(tags, [self._seed, 1], error))
+        real = displaced(tuple(tags), self._survey, self._seed) if self._survey else tags
         measured = [
             (tag, view._replace(rays=view.rays + self._noise / 180 * self._rng.normal(size=(4, 2))))
             for tag, view in views(self.circle.body(taken), tags, real)

@@ -68,21 +68,21 @@ class Flight:
 
     def seen(self, time: float) -> list[tuple[int, View]]:
         """The tags in an image, through the real camera."""
-        body, found = self.circle.body(time), []
+        body, measured = self.circle.body(time), []
         real = {tag.id: tag for tag in self._real}
         for number, view in views(body, TAGS):
-            there = views(body, [real[number]])
-            if there:
-                points = (body @ self._camera).inverse().apply(there[0][1].points)
-                found.append((number, view._replace(rays=points[:, :2] / points[:, 2:])))
-        return found
+            in_sight = views(body, [real[number]])
+            if in_sight:
+                points = (body @ self._camera).inverse().apply(in_sight[0][1].points)
+                measured.append((number, view._replace(rays=points[:, :2] / points[:, 2:])))
+        return measured
 
     def fly(self, seconds: float, *, blind: bool = False) -> None:
         for _ in range(round(seconds / EVERY)):
             self.time += EVERY
             self.filter.advance(self.time, self.track)
-            if not blind and (found := self.seen(self.time)):
-                self.filter.update(found, self.track, stamped=True)
+            if not blind and (measured := self.seen(self.time)):
+                self.filter.update(measured, self.track, stamped=True)
 
     @property
     def off(self) -> Array:
@@ -116,8 +116,8 @@ def test_the_derivative_of_dead_reckoning_is_that_of_differences(
             continue
         step = STEP * np.eye(STATES)[k]
         ahead, back = (
-            carried(begin._replace(mean=begin.mean + one), seconds, track)[0].mean
-            for one in (step, -step)
+            carried(begin._replace(mean=begin.mean + offset), seconds, track)[0].mean
+            for offset in (step, -step)
         )
         slope = (ahead - back) / (2 * STEP)
         slope[FLOOR] = moved[FLOOR, k]
@@ -130,11 +130,11 @@ def test_the_derivative_of_dead_reckoning_is_that_of_differences(
 def test_the_derivatives_of_an_image_are_those_of_differences(off: Array) -> None:
     flight = Flight(Circle(5.0))
     flight.fly(1.0)
-    made, found = flight.filter, flight.seen(flight.time)
-    rows = [made._landmark_row(tag) for tag, _ in found]
+    made, measured = flight.filter, flight.seen(flight.time)
+    rows = [made._landmark_row(tag) for tag, _ in measured]
     made._mean = made._mean + 0.02 * off[: len(made._mean)]
     made._mean[CAMERA] = 0.0
-    _, by_state, _ = made._residuals(found, rows, flight.track)
+    _, by_state, _ = made._residuals(measured, rows, flight.track)
     mean, turn = made._mean, made.camera_turn
     skipped = {SCALE, TURN, FLOOR, YAW_BIAS}  # they only move the rows of a rolling shutter
     for k in set(range(FOCAL + 1)) - skipped | {rows[0] + j for j in range(LANDMARK)}:
@@ -142,7 +142,7 @@ def test_the_derivatives_of_an_image_are_those_of_differences(off: Array) -> Non
         for step in (STEP, -STEP):
             made._mean = mean + step * np.eye(len(mean))[k]
             made.camera_turn = turn @ rotation_from_vector(made._mean[CAMERA])
-            ends.append(made._residuals(found, rows, flight.track)[0])
+            ends.append(made._residuals(measured, rows, flight.track)[0])
         assert by_state[:, k] == pytest.approx((ends[0] - ends[1]) / (2 * STEP), abs=0.02)
 
 
@@ -258,9 +258,9 @@ def test_a_view_that_is_wrong_does_little_harm_among_right_ones() -> None:
     for _ in range(50):
         flight.time += EVERY
         flight.filter.advance(flight.time, flight.track)
-        found = flight.seen(flight.time)
-        wrong = [(tag, corner(view, off=0.05)) for tag, view in found[:1]]
-        flight.filter.update([*found, *wrong], flight.track, stamped=True)
+        measured = flight.seen(flight.time)
+        wrong = [(tag, corner(view, off=0.05)) for tag, view in measured[:1]]
+        flight.filter.update([*measured, *wrong], flight.track, stamped=True)
     assert np.abs(flight.off).max() < 0.02
 
 

@@ -147,9 +147,9 @@ def test_an_image_that_a_stuck_camera_repeats_is_not_used(monkeypatch: pytest.Mo
     used: list[int] = []
     update = made._pool.update
 
-    def counted(given: TickInput) -> TickOutput:
-        used.append(sum(report.image is not None for report in given.images))
-        return update(given)
+    def counted(tick: TickInput) -> TickOutput:
+        used.append(sum(report.image is not None for report in tick.images))
+        return update(tick)
 
     monkeypatch.setattr(made._pool, "update", counted)
     for time, gray in (0.5, 3), (0.55, 3), (0.6, 4):
@@ -174,13 +174,13 @@ def test_detections_are_published_with_the_time_of_their_image(
     if not stamped:
         heard = replace(heard, frames=replace(heard.frames, taken=np.full(1, np.nan)))
     assert not len(made.locate(heard).detections.tag)  # that image is analyzed beside the next tick
-    found = made.locate(telemetry([circle], 0.6)).detections
-    assert (found.agent.tolist(), found.tag.tolist()) == ([0], [77])
-    np.testing.assert_allclose(found.corners.min(axis=1), [[99.5, 79.5]], atol=0.6)
-    np.testing.assert_allclose(found.corners.max(axis=1), [[199.5, 179.5]], atol=0.6)
-    np.testing.assert_array_equal(found.taken, heard.frames.taken)
-    np.testing.assert_array_equal(found.time, heard.frames.time)
-    assert "landmark" in found.rejected[0]
+    detections = made.locate(telemetry([circle], 0.6)).detections
+    assert (detections.agent.tolist(), detections.tag.tolist()) == ([0], [77])
+    np.testing.assert_allclose(detections.corners.min(axis=1), [[99.5, 79.5]], atol=0.6)
+    np.testing.assert_allclose(detections.corners.max(axis=1), [[199.5, 179.5]], atol=0.6)
+    np.testing.assert_array_equal(detections.taken, heard.frames.taken)
+    np.testing.assert_array_equal(detections.time, heard.frames.time)
+    assert "landmark" in detections.rejected[0]
     assert not len(made.locate(telemetry([circle], 0.7)).detections.tag)
 
 
@@ -191,8 +191,10 @@ def test_an_image_of_an_agent_without_a_camera_is_excluded() -> None:
 
 
 def unstamped(heard: Telemetry) -> Telemetry:
-    found = heard.detections
-    return replace(heard, detections=replace(found, taken=np.full(len(found.tag), np.nan)))
+    detections = heard.detections
+    return replace(
+        heard, detections=replace(detections, taken=np.full(len(detections.tag), np.nan))
+    )
 
 
 def test_unstamped_tags_are_dated_back_by_the_latency(estimates: list[Estimate]) -> None:
@@ -221,9 +223,9 @@ def test_images_out_of_order_do_no_harm() -> None:
 
 def changed(heard: Telemetry, *, later: float = 0.0, number: int = 0) -> Telemetry:
     """With images at other times, s, and tags with other numbers."""
-    found = heard.detections
-    found = replace(found, taken=found.taken + later, tag=found.tag + number)
-    return replace(heard, detections=found)
+    detections = heard.detections
+    detections = replace(detections, taken=detections.taken + later, tag=detections.tag + number)
+    return replace(heard, detections=detections)
 
 
 IGNORED: dict[str, dict[str, Any]] = {
@@ -247,8 +249,10 @@ def test_corners_that_make_no_sense_change_nothing(value: float) -> None:
     circle = Circle(2)
 
     def spoilt(heard: Telemetry) -> Telemetry:
-        found = heard.detections
-        return replace(heard, detections=replace(found, corners=0 * found.corners + value))
+        detections = heard.detections
+        return replace(
+            heard, detections=replace(detections, corners=0 * detections.corners + value)
+        )
 
     with np.errstate(invalid="ignore"):
         nonsense = flight(circle, TAGS, change=spoilt)

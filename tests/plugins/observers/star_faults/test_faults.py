@@ -186,9 +186,9 @@ def test_a_drone_whose_reports_are_random_does_not_climb(tmp_path: Path, seed: i
 
 
 def test_a_planner_that_is_stuck_fails_as_one_that_raises(tmp_path: Path) -> None:
-    there = {"goto": {"agents": "cf4", "to": [2.0, 0, 0.6], "timeout": 60}}  # far from the fence
+    goto = {"goto": {"agents": "cf4", "to": [2.0, 0, 0.6], "timeout": 60}}  # far from the fence
     stuck = {"component": "plugin", "plugin": "planner", "mode": "stuck", "at": 3.0}
-    flight = flown(tmp_path, stuck, mission=[{"takeoff": {"height": 0.6}}, there, {"land": {}}])
+    flight = flown(tmp_path, stuck, mission=[{"takeoff": {"height": 0.6}}, goto, {"land": {}}])
     assert flight.summary["reason"].endswith(
         "repeats a setpoint that leads cf4 past the goal [plugin-failed]"
     )
@@ -197,9 +197,9 @@ def test_a_planner_that_is_stuck_fails_as_one_that_raises(tmp_path: Path) -> Non
 
 
 def test_a_flow_sensor_that_sees_no_motion_is_noticed(tmp_path: Path) -> None:
-    there = {"takeoff": {"height": 0.6}}, {"goto": {"agents": "cf4", "to": [1.5, 2.5, 0.6]}}
+    steps = {"takeoff": {"height": 0.6}}, {"goto": {"agents": "cf4", "to": [1.5, 2.5, 0.6]}}
     stuck = {"component": "flow", "mode": "stuck", "agents": "cf4", "at": 3.0}
-    flight = flown(tmp_path, stuck, mission=[*there, {"land": {}}])
+    flight = flown(tmp_path, stuck, mission=[*steps, {"land": {}}])
     (estimate,) = flight.texts("estimate")
     assert estimate.startswith("cf4 brakes: it flies faster than it reports")
     assert flight.texts("safety") == ["cf4 lands: position_lost: not located for 1 s"]
@@ -355,10 +355,10 @@ def test_camera_faults_and_displaced_landmarks_are_simulated(tmp_path: Path) -> 
     after = [tick for tick in flight.ticks if 3.2 <= tick.time < 5.2]
     counts = np.zeros(4)
     for tick in after:
-        seen = tick.telemetry.detections
-        counts += np.bincount(seen.agent, minlength=4)
-        late = seen.agent == 2
-        assert (tick.time - seen.taken[late] >= 0.4).all()
+        detections = tick.telemetry.detections
+        counts += np.bincount(detections.agent, minlength=4)
+        late = detections.agent == 2
+        assert (tick.time - detections.taken[late] >= 0.4).all()
     assert counts[0] == 0
     assert 0 < counts[1] < counts[2]
     truth = after[-1].truth

@@ -101,6 +101,7 @@ def test_a_flight_that_jams_records_and_counts_it(missions: Path) -> None:
     changes = [
         "avoider={use: orca, radius: 0.46, clearance: 0.2, communication_radius: 6}",
         "localizer={use: flow, error_std: 0.25, error_time_constant: 1000}",
+        "rate=10",
     ]
     summary = fly(load(missions / "scenarios/corridor-6-0.yaml", registry, changes), registry)
     (event,) = (event for event in summary["events"] if event["kind"] == "jam")

@@ -112,11 +112,11 @@ class Scouts(PointMasses):
         )
 
     def now(self) -> tuple[Estimate, Health]:
-        seen = list(self.sighted())
+        visible = list(self.sighted())
         sightings = Sightings.none()
-        if seen:
-            agent, tag, position = (list(column) for column in zip(*seen, strict=True))
-            k = len(seen)
+        if visible:
+            agent, tag, position = (list(column) for column in zip(*visible, strict=True))
+            k = len(visible)
             spread = np.tile(np.eye(3) * 1e-3, (k, 1, 1))
             sightings = Sightings(
                 np.array(agent),
@@ -174,25 +174,25 @@ def search_it(
     meddle(0.0, task, scouts)
     estimated, healthy = scouts.now()
     limit = task.begin(estimated, healthy)
-    found = Searched(limit, space=task._space)
+    search = Searched(limit, space=task._space)
     for tick in range(math.ceil(longest / scene.period)):
-        found.time = tick * scene.period
-        meddle(found.time, task, scouts)
+        search.time = tick * scene.period
+        meddle(search.time, task, scouts)
         estimated, healthy = scouts.now()
         step = task.step(estimated, healthy)
-        found.position.append(scouts.position.copy())
-        found.status, found.reason = step.status, step.reason
+        search.position.append(scouts.position.copy())
+        search.status, search.reason = step.status, step.reason
         if step.goals is not None:
-            found.goal.append(np.where(step.goals.active[:, None], step.goals.position, np.nan))
+            search.goal.append(np.where(step.goals.active[:, None], step.goals.position, np.nan))
         if step.status is not Status.RUNNING:
             break
         for command in step.commands:
-            found.commands.append((found.time, command))
+            search.commands.append((search.time, command))
             scouts.command(command)
         scouts.fly(estimated, step.goals or Goals.none(len(scene.agents)))
         scouts.wait((tick + 1) * scene.period)
-    found.phase, found.finder = scouts.phase, scouts.finder
-    return found
+    search.phase, search.finder = scouts.phase, scouts.finder
+    return search
 
 
 @pytest.fixture

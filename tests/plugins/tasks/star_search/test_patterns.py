@@ -73,16 +73,16 @@ def test_the_share_of_a_scout_that_leaves_goes_to_the_others(
 
 @both
 def test_a_replacement_continues_the_share_of_a_scout(pattern: str, hall: Any, search: Any) -> None:
-    seen = []
+    fractions = []
 
     def meddle(time: float, task: Any, _scouts: Any) -> None:
-        seen.append(task._space.coverage.fraction)
+        fractions.append(task._space.coverage.fraction)
         if time == 8.0:
             task.on_agent_replaced(1, 2)
 
     flown = search(hall(3), rows=(0, 1), pattern=pattern, meddle=meddle)
     assert flown.status is Status.SUCCESS
-    assert seen == sorted(seen)
+    assert fractions == sorted(fractions)
     goals = np.isfinite(np.array(flown.goal)).all(axis=2)  # (T, N)
     assert goals[:75, 1].any()
     assert not goals[81:, 1].any()
@@ -156,10 +156,10 @@ def test_two_scouts_do_not_go_to_see_the_same(hall: Any) -> None:
     here = estimate(np.array([[*agent.start[:2], 0.8] for agent in room.agents]))
     frontier.begin(here, (0, 1))
     frontier.waypoints(here, (0, 1))
-    one, other = (set(trip.cells.tolist()) for trip in frontier._trips.values())
-    assert one
-    assert other
-    assert not one & other
+    first, second = (set(trip.cells.tolist()) for trip in frontier._trips.values())
+    assert first
+    assert second
+    assert not first & second
 
 
 def test_a_viewpoint_is_as_far_as_the_way_around_an_obstacle(hall: Any) -> None:

@@ -61,10 +61,10 @@ def edge_fit(image: Image, corners: Array, half: float) -> Array:
         edges = bases + middle[:, None] * out
         centre = edges.mean(axis=0)
         lines.append((centre, np.linalg.svd(edges - centre)[2][1]))
-    found = []
+    corner = []
     for (p, n), (q, m) in zip([lines[-1], *lines[:-1]], lines, strict=True):
-        found.append(np.linalg.solve([n, m], [n @ p, m @ q]))
-    return np.array(found)
+        corner.append(np.linalg.solve([n, m], [n @ p, m @ q]))
+    return np.array(corner)
 
 
 def pair() -> Renderer:
@@ -85,9 +85,9 @@ def test_a_tag_has_its_rotation(yaw: float) -> None:
     tags = [lying(7, 0.75, yaw=yaw)]
     shot = take()
     ids, corners = OnboardDetector(CAMERA, tags, room()).detect(shot)
-    seen = detected(picture(Renderer(CAMERA, tags, room(), ground()), shot))
+    tag_corners = detected(picture(Renderer(CAMERA, tags, room(), ground()), shot))
     assert list(ids) == [7]
-    assert seen[7][[3, 2, 1, 0]] == pytest.approx(corners[0], abs=2.0)
+    assert tag_corners[7][[3, 2, 1, 0]] == pytest.approx(corners[0], abs=2.0)
 
 
 def test_unrotated_tags_are_upright_for_a_north_facing_camera() -> None:
@@ -161,12 +161,12 @@ def test_tags_are_found_near_and_lost_far() -> None:
     near, far = [], []
     for yaw in np.linspace(-0.5, 0.5, 10):
         shot = take((*rng.uniform(-0.3, 0.3, 2), 0.7), (0, 0, yaw), rng.normal(0, 0.15, 3))
-        seen = detected(picture(renderer, shot, rng))
+        tag_corners = detected(picture(renderer, shot, rng))
         within = [
             n for n in detector.detect(shot)[0] if np.linalg.norm(frame[n] - shot.position) < 1.1
         ]
-        near += [number in seen for number in within]
-        far += [np.linalg.norm(frame[number] - shot.position) for number in seen]
+        near += [number in tag_corners for number in within]
+        far += [np.linalg.norm(frame[number] - shot.position) for number in tag_corners]
     assert len(near) > 18
     assert np.mean(near) > 0.9
     assert max(far) < 2.2
