@@ -66,11 +66,11 @@ def _main(arguments: list[str]) -> int:
         case ["help", name, *_] if not name.startswith("-"):
             return _command(name, ["--help"])
         case ["-h" | "--help" | "help", *_]:
-            print(f"{USAGE}\n\n{overview(_loaded())}")
+            _print(f"{USAGE}\n\n{overview(_loaded())}")
         case ["-V" | "--version", *_]:
             from star_core import __version__
 
-            print(f"star {__version__}")
+            _print(f"star {__version__}")
         case [name, *rest] if not name.startswith("-"):
             return _command(name, rest)
         case []:
@@ -136,6 +136,14 @@ def _loaded() -> Registry:
     for source, why in registry.broken.items():
         _report(f"star: plugin {source} is left out: {why}")
     return registry
+
+
+def _print(text: str) -> None:
+    """Print the output; raise `StarError` if it cannot be written, even if it is not buffered."""
+    from star_core.toolkit.printable_output import written
+
+    with written():
+        print(text)
 
 
 def _report(text: str) -> None:

@@ -37,9 +37,11 @@ def test_single_closed_streams_give_no_traceback(hop: Path) -> None:
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="of Linux")
-@pytest.mark.parametrize("unbuffered", ["", "1"])
-def test_output_on_a_full_disk_is_an_error(hop: Path, unbuffered: str) -> None:
-    done = in_shell(f"PYTHONUNBUFFERED={unbuffered} '{STAR}' check hop.yaml >/dev/full", hop)
+@pytest.mark.parametrize(
+    ("unbuffered", "command"), [("", "check hop.yaml"), ("1", "check hop.yaml"), ("1", "--version")]
+)
+def test_output_on_a_full_disk_is_an_error(hop: Path, unbuffered: str, command: str) -> None:
+    done = in_shell(f"PYTHONUNBUFFERED={unbuffered} '{STAR}' {command} >/dev/full", hop)
     assert done.stderr.endswith(
         "output cannot be written: No space left on device [unwritable-file]\n"
     )
