@@ -18,6 +18,8 @@ from star_yaml.error_messages import CODES, Breach, hint_to_write, message, show
 if TYPE_CHECKING:
     from jsonschema import ValidationError
 
+_SYNONYMS: Final = {"agents": "swarm", "drones": "swarm", "robots": "swarm", "steps": "mission"}
+"""Names that other software has for keys of a mission."""
 _STEPS: Final = {"mission": 2, "on": 4}  # lengths of the paths to steps
 _NESTED: Final = (("repeat", "steps"), ("each", "steps"), ("if", "then"), ("if", "else"))
 """Where steps stand inside of a step."""
@@ -135,10 +137,12 @@ def _unknown(breach: Breach, key: str, data: Any) -> Fault:
     """Return the fault of a key that is not known."""
     names = [name for name in breach.properties if name != "use"]
     word = re.split(r":| *[\[{]", key)[0]
+    free = [name for name in names if name not in breach.value]
     if word != key and word in names:
         hint = f"; write `{word}: ...`, with a colon and a space"
+    elif not breach.path and _SYNONYMS.get(key) in free:
+        hint = f"; did you mean {_SYNONYMS[key]!r}?"
     else:
-        free = [name for name in names if name not in breach.value]
         hint = suggestion(key, free) or suggestion(key, names, "expected one of")
     noun = _noun(breach.path)
     text = _about(breach.path, data, f"unknown {noun} {show(key)}{hint}")

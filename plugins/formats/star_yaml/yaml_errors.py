@@ -151,8 +151,8 @@ def _bracket(stop: _Stop) -> _Answer:
         return None
     at, opened = stop.at, _open_brackets(stop)
     if not opened:
-        found = re.search(r"found '([\]}])'", stop.problem)
-        return (at, f"'{found[1]}' closes nothing; remove it") if found else None
+        match = re.search(r"found '([\]}])'", stop.problem)
+        return (at, f"'{match[1]}' closes nothing; remove it") if match else None
     bracket, point = opened[-1]
     closing = _CLOSING[bracket]
     if "<stream end>" in stop.problem:
