@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import cache
 from typing import Final, NamedTuple
 
@@ -51,6 +52,28 @@ class TagMatch(NamedTuple):
     corners: Array  # (4, 2) px, as expected around that
     view: View  # the same as a measurement, of one point
     correlation: float  # with its template, at most 1
+
+
+def without_overlaps(matches: Sequence[TagMatch], detected: Array) -> tuple[TagMatch, ...]:
+    """Return the matches whose centers are not on a tag that is more certain, in their order.
+
+    A tag of which only a part is in the image may correlate with its neighbor on the sheet. A tag
+    that was detected is more certain than a match, and so is a match that correlates better.
+
+    Args:
+        matches: Of one image.
+        detected: (K, 4, 2) corners of the tags that were detected in it, px.
+    """
+    outlines = list(detected.astype(np.float32))
+    kept = []
+    for match in sorted(matches, key=lambda match: -match.correlation):
+        u, v = match.pixel.tolist()
+        if all(
+            cv2.pointPolygonTest(outline, (u, v), measureDist=False) < 0 for outline in outlines
+        ):
+            kept.append(match.tag)
+            outlines.append(match.corners.astype(np.float32))
+    return tuple(match for match in matches if match.tag in kept)
 
 
 def match_tag(image: Image, expected: ExpectedTag, lens: CameraModel) -> TagMatch | None:

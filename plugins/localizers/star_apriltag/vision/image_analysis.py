@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from star_apriltag.vision.body_pose import MAX_JOINT_MISFIT, Fix, Prediction, Verdict, View
 from star_apriltag.vision.detector import Detector
 from star_apriltag.vision.expected_tags import ExpectedTags
-from star_apriltag.vision.guided_matching import TagMatch, match_tag
+from star_apriltag.vision.guided_matching import TagMatch, match_tag, without_overlaps
 from star_apriltag.vision.tag_poses import (
     MapTag,
     SeenLandmark,
@@ -95,7 +95,8 @@ class ImageAnalyzer:
             return analysis  # all tags contradict the prediction, which cannot guide then
         expected = self._expected.expect(prediction, exclude=detections.tag.tolist())
         searched = (match_tag(image, tag, self.lens) for tag in expected)
-        matches = tuple(match for match in searched if match is not None)
+        candidates = [match for match in searched if match is not None]
+        matches = without_overlaps(candidates, detections.corners)
         matched = tuple((match.tag, match.corners, "") for match in matches)
         return replace(analysis, matches=matches, detected=analysis.detected + matched)
 

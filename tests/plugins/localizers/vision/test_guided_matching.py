@@ -14,7 +14,12 @@ from hypothesis import strategies as st
 from star_apriltag.vision.body_pose import Prediction
 from star_apriltag.vision.detector import Detector
 from star_apriltag.vision.expected_tags import ExpectedTags
-from star_apriltag.vision.guided_matching import TagMatch, _peak, match_tag
+from star_apriltag.vision.guided_matching import (
+    TagMatch,
+    _peak,
+    match_tag,
+    without_overlaps,
+)
 from star_apriltag.vision.tag_poses import MapTag
 from star_core import Array, Image, Pose, Tag
 from star_core.toolkit import rotation_from_vector
@@ -108,6 +113,23 @@ def test_between_two_tags_that_look_the_same_none_is_chosen() -> None:
     for alone in (left, right):
         assert guided(paint(BODY, [alone]), between, wide) is not None
     assert guided(paint(BODY, [left, right]), between, wide) is None
+
+
+def test_of_two_matches_at_one_pixel_the_better_is_kept(far: Image) -> None:
+    own = guided(far, FAR)
+    assert own is not None
+    neighbor = own._replace(tag=2, pixel=own.pixel + 0.4, correlation=own.correlation - 0.2)
+    nothing, aside = np.zeros((0, 4, 2)), np.array([18.0, 0.0])
+    assert without_overlaps([neighbor, own], nothing) == (own,)
+    beside = neighbor._replace(pixel=own.pixel + aside, corners=own.corners + aside)
+    assert without_overlaps([beside, own], nothing) == (beside, own)
+
+
+def test_a_match_on_a_detected_tag_is_discarded(far: Image) -> None:
+    match = guided(far, FAR)
+    assert match is not None
+    assert without_overlaps([match], match.corners[None] + 0.5) == ()
+    assert without_overlaps([match], match.corners[None] + 30.0) == (match,)
 
 
 def checkered(period: int) -> Image:

@@ -263,3 +263,18 @@ def test_one_wrong_number_among_right_ones_leaves_guidance_on() -> None:
         [Verdict.ACCEPTED, Verdict.ELSEWHERE],
     )
     assert len(look.matches) == 2
+
+
+def test_neighbors_are_not_located_at_one_pixel(monkeypatch: pytest.MonkeyPatch) -> None:
+    body = hovering()
+    own, _ = eye(FAR).analyze(paint(body, FAR), sure(body)).matches
+    likeness = {3: own.correlation, 4: own.correlation - 0.2}
+    monkeypatch.setattr(
+        "star_apriltag.vision.image_analysis.match_tag",
+        lambda _image, expected, _lens: own._replace(
+            tag=expected.tag.number, correlation=likeness[expected.tag.number]
+        ),
+    )
+    look = eye(FAR).analyze(paint(body, FAR), sure(body))
+    assert [match.tag for match in look.matches] == [3]
+    assert [tag for tag, _, _ in look.detected] == [3]
