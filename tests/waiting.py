@@ -5,6 +5,8 @@ from __future__ import annotations
 import socket
 import time
 from collections.abc import Callable
+from contextlib import suppress
+from random import SystemRandom
 from typing import TypeVar
 
 Answer = TypeVar("Answer")
@@ -21,7 +23,11 @@ def eventually(question: Callable[..., Answer], within: float = PATIENCE) -> Ans
 
 
 def free_port() -> int:
-    """Return a TCP port of the loopback on which nothing listens."""
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        port: int = server.getsockname()[1]
-        return port
+    """Return a TCP port of the loopback on which nothing listens.
+
+    It is below those that Linux gives to other sockets: no connection takes it in the meantime.
+    """
+    for port in SystemRandom().sample(range(20_000, 32_000), 100):
+        with suppress(OSError), socket.create_server(("127.0.0.1", port)):
+            return port
+    raise OSError("no free port")

@@ -15,6 +15,7 @@ from star_core import PluginError
 from star_radio.transport import Radio
 from tests.plugins.transports.star_radio.conftest import UNSERVED, Open, Peers, ticks
 from tests.plugins.transports.star_radio.peer import PARAMETERS, VALUES, Peer
+from tests.waiting import PATIENCE
 
 
 def test_a_drone_reports_as_soon_as_it_is_connected(drone: Peer, connect: Open) -> None:
@@ -196,7 +197,7 @@ def test_no_agent_flies_when_all_are_absent(make: Open, absent: str) -> None:
 )
 def test_a_link_without_a_driver_or_dongle_is_named(make: Open, uri: str, problem: str) -> None:
     with pytest.raises(PluginError, match=f"cf1 {problem}"):
-        make([uri]).connect()
+        make([uri], response_timeout=PATIENCE).connect()
 
 
 def confuse(drone: Peer, method: str, answer: bytes) -> None:
