@@ -218,7 +218,7 @@ class PluginChoice:
         return f"{self.kind} {self.use!r} ({self.source})"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, weakref_slot=True, eq=False)
 class Mission:
     """What to fly.
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
+from weakref import WeakKeyDictionary
 
 from star_core import Problem, deferred, hookimpl
 from star_core.commands import CommandSpec
@@ -87,8 +88,16 @@ def follows_surfaces(mission: Mission, registry: Registry) -> bool:
     return offer.heights_above_surface is None or offer.heights_above_surface(**used.options)
 
 
+_rehearsals: Final[WeakKeyDictionary[Mission, tuple[Registry, Rehearsal]]] = WeakKeyDictionary()
+
+
 @hookimpl
 def star_rehearse(mission: Mission, registry: Registry) -> Rehearsal:
-    from star_explain.rehearse import rehearse
+    """Rehearse a mission once while it exists: it is checked, and its duration is shown."""
+    used, rehearsal = _rehearsals.get(mission, (None, None))
+    if rehearsal is None or used is not registry:
+        from star_explain.rehearse import rehearse
 
-    return rehearse(mission, registry)
+        rehearsal = rehearse(mission, registry)
+        _rehearsals[mission] = registry, rehearsal
+    return rehearsal

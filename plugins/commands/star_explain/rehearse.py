@@ -24,7 +24,7 @@ from star_core import (
     Task,
 )
 from star_core.testing import MissionSteps, PointMasses
-from star_core.toolkit import Action, Node, Rehearsal, min_landing_time
+from star_core.toolkit import Action, Node, Rehearsal, freeze, min_landing_time
 from star_explain.rehearsed_task import RehearsedTask
 from star_explain.sighting import Lookout
 from star_explain.steering import Steering
@@ -181,6 +181,7 @@ def _run(
         swarm.wait(tick * TICK)
     begun = sorted((task for task in tasks.made if task.begun >= 0.0), key=attrgetter("begun"))
     time, *tables = map(np.array, zip(*moments, strict=True))
+    freeze(time, *tables)
     return Rehearsal(tuple(task.result() for task in begun), time, *tables)
 
 

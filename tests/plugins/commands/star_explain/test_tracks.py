@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from star_core import AgentPhase
+from star_core import AgentPhase, Registry, load
 from tests.plugins.commands.star_explain.conftest import Rehearse
 
 MISSION = """\
@@ -41,6 +42,18 @@ def test_agents_hover_where_their_last_step_ended(rehearsed: Rehearse) -> None:
     assert np.allclose(position[waits, 1], [0.0, 3.0, 0.8], atol=0.06)  # b, while a flies
     stays = (time > then.begun + 1.0) & (time < then.ended)
     assert np.allclose(position[stays, 0], [5.0, 0.0, 0.8], atol=0.06)
+
+
+def test_a_mission_that_is_checked_is_rehearsed_once(missions: Path) -> None:
+    first, second = Registry(), Registry()
+    mission = load(missions / "hello.yaml", first)
+    list(first.manager.hook.star_check(mission=mission, registry=first))
+    rehearsals = [
+        registry.manager.hook.star_rehearse(mission=mission, registry=registry)
+        for registry in (first, first, second)
+    ]
+    assert rehearsals[0] is rehearsals[1] is not rehearsals[2]
+    assert not rehearsals[0].position.flags.writeable  # what one plugin receives, others do too
 
 
 def test_repeated_steps_are_rehearsed_as_often(rehearsed: Rehearse) -> None:
