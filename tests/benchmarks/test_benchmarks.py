@@ -1,7 +1,8 @@
 """Every benchmark and campaign runs in a small size, so that no published figure breaks unseen.
 
-A script is imported, its sizes are set, and its ``main`` is called in this process. What cannot be
-small, or needs real time, is marked `campaign`; what needs a peer that is not installed is skipped.
+``make scripts`` does that. A script is imported, its sizes are set, and its ``main`` is called in
+this process. What cannot be small, or needs real time, is marked `campaign`; what needs a peer that
+is not installed is skipped.
 """
 
 from __future__ import annotations
@@ -354,6 +355,7 @@ def exit_status(main: Callable[[], object]) -> object:
         return end.code
 
 
+@pytest.mark.script
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # cflib's socket
 @pytest.mark.parametrize(
     "name",
