@@ -92,9 +92,10 @@ def _doubled(shards: Mapping[Path, Shard]) -> Iterator[str]:
     folders = list(shards)
     for i, first in enumerate(folders):
         for second in folders[i + 1 :]:
-            one, other = shards[first], shards[second]
-            if (one.number - other.number) % math.gcd(one.total, other.total) == 0:
-                both = f"{one} and {other} overlap" if one != other else f"{one} is there twice"
+            shard, other = shards[first], shards[second]
+            if (shard.number - other.number) % math.gcd(shard.total, other.total) == 0:
+                twice = f"{shard} is there twice"
+                both = twice if shard == other else f"{shard} and {other} overlap"
                 yield f"{both}: {first}, {second}"
 
 

@@ -25,11 +25,11 @@ def coverage_problems(
     if covered is None:
         return
     paths = np.moveaxis(rehearsal.position, 1, 0)
-    seen = [covered(mission.scene, path, **localizer.options) for path in paths]
+    inside = [covered(mission.scene, path, **localizer.options) for path in paths]
     for step in rehearsal.steps:
         during = rehearsal.during(step)
         for row in step.rows:
-            outside = np.flatnonzero(~seen[row][during])
+            outside = np.flatnonzero(~inside[row][during])
             if len(outside):
                 k = during.start + int(outside[0])
                 place = ", ".join(f"{value:.2f}" for value in rehearsal.position[k, row])

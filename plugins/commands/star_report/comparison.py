@@ -116,15 +116,15 @@ def _interactions(study: Study) -> Iterator[_Sample]:
             base = [
                 study.baseline.get(n, of[0]) for n, of in zip((first, second), lists, strict=True)
             ]
-            for one in lists[0]:
+            for level in lists[0]:
                 for other in lists[1]:
-                    if one == base[0] or other == base[1]:
+                    if level == base[0] or other == base[1]:
                         continue
-                    corners = [(one, other), (base[0], other), (one, base[1]), (base[0], base[1])]
+                    corners = [(x, y) for y in (other, base[1]) for x in (level, base[0])]
                     values = _contrasts(cells, at, corners)
                     reference = {first: base[0], second: base[1]}
                     if values is not None:
-                        yield _Sample({first: one, second: other}, measure, values, reference)
+                        yield _Sample({first: level, second: other}, measure, values, reference)
 
 
 def _contrasts(cells: Cells, at: Sequence[int], corners: Sequence[Levels]) -> list[float] | None:

@@ -335,12 +335,9 @@ class ScriptFlight:
                 follows[row] = True
         if follows.any():
             speed = np.full(n, self.scene.limits.speed)
-            known = acceleration if np.isfinite(acceleration[follows]).any() else None
-            self._flight.set_goals(
-                Goals(
-                    position, velocity, yaw, speed, follows, known, None if known is None else rate
-                )
-            )
+            fed_forward = np.isfinite(acceleration[follows]).any()
+            ahead = (acceleration, rate) if fed_forward else (None, None)
+            self._flight.set_goals(Goals(position, velocity, yaw, speed, follows, *ahead))
         if steered.any():
             self._flight.set_setpoint(Setpoint(velocity, yaw, steered))
 

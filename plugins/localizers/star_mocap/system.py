@@ -111,8 +111,8 @@ class CaptureFrames:
         """Add a frame that arrived at a time, s of the computer's clock."""
         taken = math.nan
         if math.isfinite(frame.captured):
-            known = math.isfinite(frame.processing)
-            sent = frame.captured + (frame.processing if known else 0.0)
+            measured = math.isfinite(frame.processing)
+            sent = frame.captured + (frame.processing if measured else 0.0)
             arrived = self._clock.time(sent, arrived)
             taken = arrived - frame.processing  # NaN if that is unknown
         poses = np.full((len(self._rows), 7), np.nan)

@@ -48,22 +48,22 @@ class AroundVirtual:
         )
 
 
-def _chosen(rows: Mask, one: Setpoint, other: Setpoint) -> Setpoint:
+def _chosen(rows: Mask, setpoint: Setpoint, other: Setpoint) -> Setpoint:
     """Return the setpoints of some rows, and the others of `other`."""
     columns = {}
     for column in fields(Setpoint):
-        first, second = getattr(one, column.name), getattr(other, column.name)
-        if first is not None:
+        values, others = getattr(setpoint, column.name), getattr(other, column.name)
+        if values is not None:
             columns[column.name] = np.where(
-                rows.reshape(-1, *[1] * (first.ndim - 1)), first, second
+                rows.reshape(-1, *[1] * (values.ndim - 1)), values, others
             )
     return Setpoint(**columns)
 
 
-def _joined(rows: Mask, one: Paths, other: Paths) -> Paths:
+def _joined(rows: Mask, paths: Paths, other: Paths) -> Paths:
     """Return the paths of some rows, and the others of `other`."""
-    chosen, rest = rows[one.agent], ~rows[other.agent]
+    chosen, rest = rows[paths.agent], ~rows[other.agent]
     return Paths(
-        agent=np.concatenate([one.agent[chosen], other.agent[rest]]),
-        point=np.concatenate([one.point[chosen], other.point[rest]]),
+        agent=np.concatenate([paths.agent[chosen], other.agent[rest]]),
+        point=np.concatenate([paths.point[chosen], other.point[rest]]),
     )

@@ -118,20 +118,20 @@ class SearchSpace:
         return int(np.argmin(shapely.distance(self.regions, Point(position[:2]))))
 
     def nearest_free(
-        self, target: Array, here: Array, taken: Sequence[Array], spacing: float
+        self, target: Array, position: Array, taken: Sequence[Array], spacing: float
     ) -> Array:
         """Return the position nearest to a target where an agent may be, (2,), m.
 
         Args:
             target: (2,) m.
-            here: (3,) position of the agent, m; it stays in that region.
+            position: (3,) of the agent, m; it stays in that region.
             taken: (2,) positions taken by other agents, m.
             spacing: Least distance from those, m.
         """
-        region = self.region_of(here)
+        region = self.region_of(position)
         if region < 0:
-            return here[:2].copy()
-        others = [Point(position).buffer(spacing) for position in taken]
+            return position[:2].copy()
+        others = [Point(other).buffer(spacing) for other in taken]
         free = self.regions[region].difference(shapely.union_all(others))
         if free.is_empty:
             free = self.regions[region]

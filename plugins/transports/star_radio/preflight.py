@@ -196,14 +196,14 @@ def positioning(agent: str, *, visible: bool, why: str = "") -> Finding:
     return Finding(agent, "positioning", Severity.ERROR, text, remedy)
 
 
-def camera(agent: str, *, fault: str, contrast: float, seen: int, expected: int) -> Finding:
+def camera(agent: str, *, fault: str, contrast: float, visible: int, expected: int) -> Finding:
     """Return what the camera of an agent sees.
 
     Args:
         agent: Its name.
         fault: Why no image of it arrives; empty if one does.
         contrast: Between its dark and bright pixels, gray levels.
-        seen: Number of tags of the map in it.
+        visible: Number of tags of the map in it.
         expected: The same, from the agent's start.
     """
     if fault:
@@ -213,8 +213,8 @@ def camera(agent: str, *, fault: str, contrast: float, seen: int, expected: int)
         text = f"its images show nothing: {contrast:.0f} of 255 gray levels"
         remedy = "take the cover off the lens, and switch on the light"
         return Finding(agent, "camera", Severity.WARNING, text, remedy)
-    text = f"sees {seen} tags of the map, {expected} expected from its start"
-    if expected and not seen:
+    text = f"sees {visible} tags of the map, {expected} expected from its start"
+    if expected and not visible:
         remedy = "check lens cap, light, mounting, and that the drone stands on its start"
         return Finding(agent, "camera", Severity.WARNING, text, remedy)
     return Finding(agent, "camera", Severity.OK, text)

@@ -48,7 +48,7 @@ def run(options: argparse.Namespace, registry: Registry) -> int:
             "checked; add --set transport=radio, and the `uri` of each agent"
         )
         raise InputError(text, "option-conflict")
-    findings = [*found(mission, RadioOptions(**fill_defaults(choice.options, OPTIONS)))]
+    findings = [*agent_findings(mission, RadioOptions(**fill_defaults(choice.options, OPTIONS)))]
     write = _json if options.json else _text
     sys.stdout.write(write(mission, findings))
     return 1 if any(finding.severity is Severity.ERROR for finding in findings) else 0
@@ -66,7 +66,7 @@ def configure(line: argparse.ArgumentParser) -> None:
     line.add_argument("--json", action="store_true", help="as JSON")
 
 
-def found(mission: Mission, options: RadioOptions) -> Iterator[Finding]:
+def agent_findings(mission: Mission, options: RadioOptions) -> Iterator[Finding]:
     """Yield the findings of all agents, agent by agent."""
     scene = mission.scene
     limit = mission.safety.get("battery_low", {}).get("below", LOW_VOLTAGE)
@@ -104,7 +104,7 @@ def found(mission: Mission, options: RadioOptions) -> Iterator[Finding]:
                 agent.name,
                 fault=fault,
                 contrast=float(high - low),
-                seen=0 if image is None else len(visible_tags(image, agent, scene)),
+                visible=0 if image is None else len(visible_tags(image, agent, scene)),
                 expected=len(tags_from(agent, scene)),
             )
 

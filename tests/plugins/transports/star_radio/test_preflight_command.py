@@ -168,10 +168,10 @@ def test_a_marker_measures_the_start_without_a_heading() -> None:
 
 
 def test_cameras_that_see_no_tag_in_view_are_reported() -> None:
-    blind = preflight.camera("cf1", fault="", contrast=99.0, seen=0, expected=2)
+    blind = preflight.camera("cf1", fault="", contrast=99.0, visible=0, expected=2)
     assert blind.severity == Severity.WARNING
     assert "sees 0 tags of the map, 2 expected" in blind.text
-    floor = preflight.camera("cf1", fault="", contrast=99.0, seen=0, expected=0)
+    floor = preflight.camera("cf1", fault="", contrast=99.0, visible=0, expected=0)
     assert floor.severity == Severity.OK
 
 
