@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import cache
 from typing import Final, NamedTuple
 
@@ -54,17 +54,20 @@ class TagMatch(NamedTuple):
     correlation: float  # with its template, at most 1
 
 
-def without_overlaps(matches: Sequence[TagMatch], detected: Array) -> tuple[TagMatch, ...]:
+def without_overlaps(
+    matches: Sequence[TagMatch], accepted: Iterable[Array]
+) -> tuple[TagMatch, ...]:
     """Return the matches whose centers are not on a tag that is more certain, in their order.
 
     A tag of which only a part is in the image may correlate with its neighbor on the sheet. A tag
-    that was detected is more certain than a match, and so is a match that correlates better.
+    that was detected and accepted is more certain than a match, and so is a match that correlates
+    better.
 
     Args:
         matches: Of one image.
-        detected: (K, 4, 2) corners of the tags that were detected in it, px.
+        accepted: (4, 2) corners of each tag that was detected in it and accepted, px.
     """
-    outlines = list(detected.astype(np.float32))
+    outlines = [corners.astype(np.float32) for corners in accepted]
     kept = []
     for match in sorted(matches, key=lambda match: -match.correlation):
         u, v = match.pixel.tolist()

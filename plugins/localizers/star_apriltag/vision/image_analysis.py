@@ -96,7 +96,8 @@ class ImageAnalyzer:
         expected = self._expected.expect(prediction, exclude=detections.tag.tolist())
         searched = (match_tag(image, tag, self.lens) for tag in expected)
         candidates = [match for match in searched if match is not None]
-        matches = without_overlaps(candidates, detections.corners)
+        accepted = (corners for _, corners, rejected in analysis.detected if not rejected)
+        matches = without_overlaps(candidates, accepted)
         matched = tuple((match.tag, match.corners, "") for match in matches)
         return replace(analysis, matches=matches, detected=analysis.detected + matched)
 

@@ -119,17 +119,17 @@ def test_of_two_matches_at_one_pixel_the_better_is_kept(far: Image) -> None:
     own = guided(far, FAR)
     assert own is not None
     neighbor = own._replace(tag=2, pixel=own.pixel + 0.4, correlation=own.correlation - 0.2)
-    nothing, aside = np.zeros((0, 4, 2)), np.array([18.0, 0.0])
-    assert without_overlaps([neighbor, own], nothing) == (own,)
+    aside = np.array([18.0, 0.0])
+    assert without_overlaps([neighbor, own], ()) == (own,)
     beside = neighbor._replace(pixel=own.pixel + aside, corners=own.corners + aside)
-    assert without_overlaps([beside, own], nothing) == (beside, own)
+    assert without_overlaps([beside, own], ()) == (beside, own)
 
 
 def test_a_match_on_a_detected_tag_is_discarded(far: Image) -> None:
     match = guided(far, FAR)
     assert match is not None
-    assert without_overlaps([match], match.corners[None] + 0.5) == ()
-    assert without_overlaps([match], match.corners[None] + 30.0) == (match,)
+    assert without_overlaps([match], [match.corners + 0.5]) == ()
+    assert without_overlaps([match], [match.corners + 30.0]) == (match,)
 
 
 def checkered(period: int) -> Image:

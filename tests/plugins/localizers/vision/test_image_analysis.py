@@ -278,3 +278,20 @@ def test_neighbors_are_not_located_at_one_pixel(monkeypatch: pytest.MonkeyPatch)
     look = eye(FAR).analyze(paint(body, FAR), sure(body))
     assert [match.tag for match in look.matches] == [3]
     assert [tag for tag, _, _ in look.detected] == [3]
+
+
+@pytest.mark.parametrize(("under", "kept"), [(0, True), (1, False)])
+def test_only_accepted_detections_hide_a_match(
+    monkeypatch: pytest.MonkeyPatch, under: int, *, kept: bool
+) -> None:
+    body, moved = hovering(), on_floor(1, -1.4, -0.9)
+    own, _ = eye(FAR).analyze(paint(body, FAR), sure(body)).matches
+    hidden = seen(body, LANDMARKS[under])
+    assert hidden is not None
+    monkeypatch.setattr(
+        "star_apriltag.vision.image_analysis.match_tag",
+        lambda _image, _expected, _lens: own._replace(pixel=hidden.mean(axis=0)),
+    )
+    look = eye([moved, LANDMARKS[1], FAR[0]]).analyze(paint(body, LANDMARKS), sure(body))
+    assert {s.tag: s.verdict for s in look.landmarks} == {1: Verdict.ELSEWHERE, 2: Verdict.ACCEPTED}
+    assert bool(look.matches) is kept
