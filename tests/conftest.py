@@ -144,7 +144,6 @@ def pytest_collection_finish() -> None:
     """Exclude some 400,000 objects of the collected tests from each full garbage collection."""
     gc.enable()
     gc.freeze()
-    gc.set_threshold(50_000)  # as ``star`` does; by Python's own 700 the tests take a tenth longer
 
 
 @pytest.hookimpl(optionalhook=True, wrapper=True)
