@@ -54,7 +54,7 @@ def test_estimators_settle_at_the_same_time(udp_peers: Peers, connect: Open) -> 
     for drone in drones:
         drone.values |= VARIANCES
     begun = time.monotonic()
-    connect(drones)
+    connect(drones, response_timeout=PATIENCE)
     assert time.monotonic() - begun < 2.5  # one after the other, they would take more than 3 s
 
 

@@ -25,6 +25,7 @@ from tests.campaign.preflight import CLEAN, FAULTS, misreports
 from tests.commands import command
 from tests.plugins.transports.star_radio.conftest import Open, Peers
 from tests.simulators import ideal_fleet
+from tests.waiting import PATIENCE
 
 run = command("preflight")
 
@@ -188,10 +189,10 @@ def test_flights_refuse_drones_that_are_not_fit(
     conditions = {1: frozenset({condition})}
     with ideal_fleet(scene(2), noise=False, conditions=conditions) as fleet:
         with pytest.raises(PluginError) as raised:
-            make(fleet.addresses).connect()
+            make(fleet.addresses, response_timeout=PATIENCE).connect()
         assert raised.value.code == "agents-unfit"
         assert f"cannot fly 1 of 2 agents: cf2 ({text}" in raised.value.message
-        radio = make(fleet.addresses, absent="fly-without")
+        radio = make(fleet.addresses, absent="fly-without", response_timeout=PATIENCE)
         with caplog.at_level(logging.WARNING):
             radio.connect()
         assert radio.connected.tolist() == [True, False]
