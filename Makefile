@@ -8,7 +8,7 @@ FLIGHTS ?= 100
 
 .DEFAULT_GOAL := help
 unexport PYTHONDONTWRITEBYTECODE  # the tests start many processes
-.PHONY: help fly test check generated pictures looked-at docs scripts air bench campaign around faults link-cuts mocap onboard preflight imported guardian safe-defaults killed-studies mutants scenarios fuzz soak lowest clean
+.PHONY: help fly test check generated pictures looked-at docs extended air bench campaign around faults link-cuts mocap onboard preflight imported guardian safe-defaults killed-studies mutants scenarios fuzz soak lowest clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 12
@@ -55,8 +55,8 @@ docs: $(VENV)/.ready  ## build the documentation into build/docs; warnings are e
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 	@echo "open build/docs/index.html; with search: $(BIN)/python -m http.server --bind 127.0.0.1 --directory build/docs"
 
-scripts: $(VENV)/.ready  ## every benchmark and campaign in a small size
-	$(BIN)/python -m pytest -q -n $$(( $$(nproc) * 2 )) -m "script and not campaign"
+extended: $(VENV)/.ready  ## tests of more than two seconds each, and every benchmark and campaign in a small size
+	$(BIN)/python -m pytest -q -n $$(( $$(nproc) * 2 )) -m "extended and not campaign"
 
 air: $(VENV)/.ready  ## the flights over the radio's protocol that `make check` leaves out
 	$(BIN)/python -m pytest -q -m campaign tests/end_to_end/test_over_the_air.py tests/end_to_end/test_motion_capture.py

@@ -48,6 +48,7 @@ def figures_of(notebook: str) -> int:
     return len(figures)
 
 
+@pytest.mark.extended
 def test_the_notebook_runs_and_draws(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

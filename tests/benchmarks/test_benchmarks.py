@@ -1,6 +1,6 @@
 """Every benchmark and campaign runs in a small size, so that no published figure breaks unseen.
 
-``make scripts`` does that. A script is imported, its sizes are set, and its ``main`` is called in
+``make extended`` does that. A script is imported, its sizes are set, and its ``main`` is called in
 this process. What cannot be small, or needs real time, is marked `campaign`; what needs a peer that
 is not installed is skipped.
 """
@@ -355,7 +355,7 @@ def exit_status(main: Callable[[], object]) -> object:
         return end.code
 
 
-@pytest.mark.script
+@pytest.mark.extended
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # cflib's socket
 @pytest.mark.parametrize(
     "name",
@@ -393,6 +393,7 @@ def environment() -> dict[str, str]:
     return {name: os.environ[name] for name in names}
 
 
+@pytest.mark.extended
 def test_160_drones_that_know_their_positions_to_3_cm_do_not_jam(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

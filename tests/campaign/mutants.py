@@ -48,6 +48,7 @@ def plant(tree: Path, mutant: dict[str, Any]) -> str | None:
     packages = [str(tree), *(str(path) for path in (tree / "plugins").iterdir() if path.is_dir())]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(packages)}
     command = [sys.executable, "-m", "pytest", "-x", "-q", "--no-header", "-p", "no:cacheprovider"]
+    command += ["-m", "not campaign"]
     try:
         run = subprocess.run(
             [*command, *mutant["tests"]],

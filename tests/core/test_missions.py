@@ -42,6 +42,7 @@ SETTINGS = {  # to shorten long flights, and to fly `external` beside other test
         "mission.2.follow.timescale=1.1",
     ),
 }
+LONG = {"around", "relief", "search", "three_eyes", "trajectory"}
 UNREHEARSED = {
     "external",  # how long its program takes is unknown
     "search",  # ends 15 s later if a fast camera misses a target in passing
@@ -64,7 +65,13 @@ def flown(mission: Path, out: Path, settings: Sequence[str] = ()) -> tuple[dict[
     return summary, rehearsal.duration
 
 
-@pytest.mark.parametrize("mission", sorted(MISSIONS.glob("*.yaml")), ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "mission",
+    [
+        pytest.param(path, marks=[pytest.mark.extended] if path.stem in LONG else [], id=path.stem)
+        for path in sorted(MISSIONS.glob("*.yaml"))
+    ],
+)
 def test_every_mission_checks_and_completes_without_collision(
     mission: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -65,6 +65,7 @@ def test_first_flight_notes_its_hardware_requirements() -> None:
     assert load(path, registry, [*radio, *uris]).plugins["transport"].use == "radio"
 
 
+@pytest.mark.extended
 def test_checking_the_missions_imports_nothing_heavy() -> None:
     """Between them they use every verb and plugin, so this holds for all built-in checks.
 

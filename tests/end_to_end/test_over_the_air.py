@@ -152,6 +152,7 @@ def error(flight: Flown, truth: Flown) -> float:
     return apart(flight, truth, later=best)
 
 
+@pytest.mark.extended
 def test_the_demo_flies_over_udp_as_in_the_simulator(tmp_path: Path) -> None:
     mission = MISSIONS / "first_flight.yaml"
     simulated = ["run", str(mission), "--out", str(tmp_path / "sim"), *IDEAL, f"--set={SWAP}"]

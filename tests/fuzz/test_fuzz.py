@@ -18,6 +18,7 @@ from tests.fuzz.targets import TARGETS
 WHOLE = {3, 5, 6, 8}  # ports of attitude, log, localisation, high level: less is nothing
 
 
+@pytest.mark.extended
 @pytest.mark.parametrize("target", [t for t in TARGETS if t.few], ids=lambda target: target.name)
 def test_no_input_breaks_a_reader(target: Target, tmp_path: Path) -> None:
     report = run(target, tmp_path, target.few, seed=0)

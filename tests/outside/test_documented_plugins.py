@@ -18,6 +18,8 @@ from jsonschema import Draft202012Validator
 from star_yaml.input_file import read
 from tests.commands import position_and_code, problem_lines
 
+pytestmark = pytest.mark.extended
+
 Run: TypeAlias = Callable[..., CompletedProcess[str]]
 ROOT = Path(__file__).parents[2]
 

@@ -13,6 +13,8 @@ from typing import TypeAlias
 
 import pytest
 
+pytestmark = pytest.mark.extended
+
 Run: TypeAlias = Callable[..., CompletedProcess[str]]
 BROKEN = "star-broken 0.1:broken"
 REASON = "ImportError: this plugin wants a gripper"

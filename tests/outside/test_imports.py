@@ -9,6 +9,8 @@ from typing import TypeAlias
 
 import pytest
 
+pytestmark = pytest.mark.extended
+
 Run: TypeAlias = Callable[..., CompletedProcess[str]]
 
 # Runs `star`, and then prints the top-level name of every module that anything asked for, whether

@@ -14,6 +14,8 @@ import pytest
 
 from star_new.command import KINDS
 
+pytestmark = pytest.mark.extended
+
 Run: TypeAlias = Callable[..., CompletedProcess[str]]
 
 

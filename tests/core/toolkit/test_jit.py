@@ -117,6 +117,7 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> Runs:
     return made
 
 
+@pytest.mark.extended
 def test_machine_code_of_other_sources_is_never_loaded_from_disk(runs: Runs) -> None:
     assert runs["first"][:2] == ((2.0, 2.0, 1.0), (0, 0, 0))
     assert runs["changed"][:2] == ((5.0, 5.0, 1.0), (0, 0, 0))
@@ -135,6 +136,7 @@ def test_compilation_is_reported_on_stderr_and_loading_is_not(runs: Runs) -> Non
     assert not runs["commented"].reported
 
 
+@pytest.mark.extended
 def test_editing_an_option_recompiles_nothing(tmp_path: Path) -> None:
     folder = tmp_path / "star_voronoi"
     shutil.copytree(

@@ -64,6 +64,7 @@ def flown_briefly(path: str, feedback: str, seed: int = 0) -> tuple[dict[str, An
     return flown(path, feedback, seed, "mission.1.follow.until={elapsed: 16}")
 
 
+@pytest.mark.extended
 def test_corrections_reduce_the_drift_of_the_on_board_estimate() -> None:
     drift, positions, poses = (
         flown_briefly("circle", feedback)[1] for feedback in ("none", "extpos", "extpose")

@@ -256,6 +256,7 @@ def test_heights_by_loco_alone_are_its_worst_axis() -> None:
     assert flight.along_z**2 > 2 * planar
 
 
+@pytest.mark.extended
 @pytest.mark.parametrize("name", onboard.HOLDS)
 def test_what_receivers_lose_is_noticed(name: str) -> None:
     assert onboard.HOLDS[name](SEED)

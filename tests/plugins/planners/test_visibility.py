@@ -338,6 +338,7 @@ def test_an_agent_flies_over_a_low_wall_and_keeps_its_distance() -> None:
     assert min(above) >= 1.2
 
 
+@pytest.mark.extended
 @share_of_examples(0.2)
 @given(st.integers(0, 10_000))
 def test_no_agent_hits_anything_among_random_blocks(seed: int) -> None:

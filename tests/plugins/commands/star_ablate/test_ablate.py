@@ -61,6 +61,7 @@ def test_example_study_shows_that_orca_separates_drones(
     assert re.search(r"^orca 0.25 +1 +100% +0", printed, re.MULTILINE)
 
 
+@pytest.mark.extended
 @pytest.mark.usefixtures("in_process")
 def test_two_workers_write_the_results_of_one_process(flown: Write, rows: Rows) -> None:
     with_two = flown("").parents[1] / "out" / "results.csv"
@@ -70,6 +71,7 @@ def test_two_workers_write_the_results_of_one_process(flown: Write, rows: Rows) 
     assert len({row["path_length_m.total"] for row in rows(out)}) == 2
 
 
+@pytest.mark.extended
 @pytest.mark.usefixtures("wrecker")
 def test_crashed_runs_are_results_and_the_rest_is_flown(study: Write, rows: Rows) -> None:
     path = study(

@@ -23,6 +23,8 @@ from tests.commands import Printed
 from tests.plugins.commands.star_ablate.conftest import WRECKER, Write, install
 from tests.waiting import eventually, free_port
 
+pytestmark = pytest.mark.extended
+
 pytest.importorskip("distributed")
 DASK = str(Path(sys.executable).with_name("dask"))
 TTL = {"DASK_DISTRIBUTED__SCHEDULER__WORKER_TTL": "2s"}  # after which a silent worker is lost

@@ -63,6 +63,7 @@ def test_a_campaign_is_flown_and_goes_on_where_it_stopped(tmp_path: Path, capsys
     assert 1.0 <= float(row["path ratio"]) < 1.5
 
 
+@pytest.mark.extended
 @pytest.mark.usefixtures("in_process")
 def test_worlds_and_positions_are_flown_and_tabulated(tmp_path: Path) -> None:
     out = tmp_path / "out"

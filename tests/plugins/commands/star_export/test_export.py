@@ -20,6 +20,7 @@ from star_core.toolkit import Progress
 from tests.commands import Printed
 
 
+@pytest.mark.extended
 def test_evo_computes_the_position_error_of_the_summary(
     run: Run, tmp_path: Path, capsys: Printed
 ) -> None:

@@ -42,6 +42,7 @@ def test_a_script_reaches_drones_by_their_radio_addresses(
     assert "radio://0/80/2M/E7E7E7E702 is cf2, udp://127.0.0.1:" in output.err
 
 
+@pytest.mark.extended
 def test_a_command_of_star_flies_the_drones_of_the_fleet(
     tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:

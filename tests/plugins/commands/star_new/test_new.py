@@ -40,6 +40,7 @@ def test_a_new_world_is_checked() -> None:
     assert main(["check", "lab.yaml"]) == 0
 
 
+@pytest.mark.extended
 def test_new_plugins_of_every_kind_pass_their_own_tests(tmp_path: Path) -> None:
     folders = []
     for kind in KINDS:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+import pytest
 
 import star_sim
 from star_core import Agent, Array, Camera, Command, Fence, Order, Scene, Setpoint, World
@@ -137,6 +138,7 @@ def flown(mission: Path, out: Path, *arguments: str) -> dict[str, Any]:
     return summary
 
 
+@pytest.mark.extended
 def test_rendered_flights_are_reproducible_by_seed(tmp_path: Path) -> None:
     (tmp_path / "mat.yaml").write_text(WORLD)
     mission = tmp_path / "peek.yaml"

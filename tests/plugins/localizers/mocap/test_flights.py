@@ -20,6 +20,7 @@ def test_what_a_system_loses_is_noticed(holds: Callable[[int], bool]) -> None:
     assert holds(SEED)
 
 
+@pytest.mark.extended
 @pytest.mark.parametrize("holds", [mocap_fleet.long_loss, mocap_fleet.exchange])
 def test_losses_are_noticed_over_the_protocols(holds: Callable[[int], bool]) -> None:
     pytest.importorskip("natnet")
@@ -30,6 +31,7 @@ def test_drones_with_a_marker_each_keep_their_identities() -> None:
     assert mocap.passing(SEED)
 
 
+@pytest.mark.extended
 @pytest.mark.parametrize("latency", [0.0, pytest.param(0.06, marks=pytest.mark.campaign), 0.12])
 def test_the_latency_is_estimated_within_five_milliseconds(latency: float) -> None:
     assert abs(mocap.latency_error(SEED, latency)) <= 0.005

@@ -231,6 +231,7 @@ def test_faulty_flights_are_reproducible(tmp_path: Path) -> None:
     assert flown(tmp_path, {**fault, "probability": 0}).texts("fault") == []
 
 
+@pytest.mark.extended
 def test_reports_are_late_slow_stuck_or_wrong(tmp_path: Path) -> None:
     telemetry = {"component": "telemetry", "at": 3}
     flight = flown(
@@ -342,6 +343,7 @@ SEEING = {
 }
 
 
+@pytest.mark.extended
 def test_camera_faults_and_displaced_landmarks_are_simulated(tmp_path: Path) -> None:
     camera = {"component": "camera", "at": 3}
     flight = flown(

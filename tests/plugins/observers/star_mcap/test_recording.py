@@ -77,6 +77,7 @@ def messages(run: Path, topic: str = "") -> dict[str, list[Any]]:
     return received
 
 
+@pytest.mark.extended
 def test_ape_of_evo_is_the_position_error_of_the_summary(run: Path, tmp_path: Path) -> None:
     """evo is GPL-3: it is called as a program, and not imported."""
     evo = Path(sys.executable).with_name("evo_ape")
@@ -145,6 +146,7 @@ def images(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return flown(tmp_path_factory.mktemp("images"), mission, mat, "--save-frames")
 
 
+@pytest.mark.extended
 def test_recorded_tags_have_the_timestamps_of_their_images(images: Path) -> None:
     tags = read_run(images).detections
     assert set(tags.tag.tolist()) == {3}

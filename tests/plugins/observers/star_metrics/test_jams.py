@@ -96,6 +96,7 @@ def test_an_event_names_the_cause(pitch: float, std: float, cause: str, words: s
     assert re.search(words, event.text)
 
 
+@pytest.mark.extended
 def test_a_flight_that_jams_records_and_counts_it(missions: Path) -> None:
     registry = Registry()
     changes = [

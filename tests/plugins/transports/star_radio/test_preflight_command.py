@@ -103,6 +103,7 @@ def test_flow_decks_unlike_in_the_mission_are_named(
     assert (f"flow_deck: {str(attached).lower()}" in found.remedy) == differs
 
 
+@pytest.mark.extended
 def test_each_injected_fault_is_named_and_no_other(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
