@@ -27,7 +27,7 @@ $(VENV)/.flight: pyproject.toml  # what a flight needs, without the development 
 fly: $(if $(wildcard $(VENV)/.ready),$(VENV)/.ready,$(VENV)/.flight)  ## set up and fly MISSION (missions/first_flight.yaml)
 	$(BIN)/star-run $(MISSION)
 
-test: $(VENV)/.ready  ## set up and run every check and test
+test: $(VENV)/.ready  ## set up and run every check and the default tests
 	$(MAKE) --no-print-directory check
 
 check: $(VENV)/.ready  ## style, types, layers, tests

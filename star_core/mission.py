@@ -220,7 +220,7 @@ class PluginChoice:
 
 @dataclass(frozen=True, slots=True, weakref_slot=True, eq=False)
 class Mission:
-    """What to fly.
+    """What to fly. Missions are equal only if they are the same object.
 
     Attributes:
         name: For records.
