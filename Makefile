@@ -125,7 +125,7 @@ lowest:  ## the tests with every dependency at its lower bound
 	| sed 's/>=/==/' > $(VENV)-lowest/constraints.txt
 	$(VENV)-lowest/bin/python -m pip install --quiet --constraint $(VENV)-lowest/constraints.txt \
 	--editable '.[dev]'
-	$(VENV)-lowest/bin/python -m pytest -q -n auto
+	$(VENV)-lowest/bin/python -m pytest -q -n auto -m "not campaign"
 
 clean:  ## remove what the other targets made
 	rm -rf $(VENV) $(VENV)-lowest build dist .pytest_cache .mypy_cache .ruff_cache .import_linter_cache

@@ -59,7 +59,6 @@ def pages(site: Path) -> dict[Path, Links]:
     return {page: Links(page) for page in site.rglob("*.html") if page.name != "404.html"}
 
 
-@pytest.mark.extended
 def test_no_page_loads_anything_from_another_server(site: Path, pages: dict[Path, Links]) -> None:
     loaded = {url for page in pages.values() for url in page.loaded}
     assert {url for url in loaded if re.match(r"(https?:)?//", url)} == set()

@@ -54,31 +54,6 @@ class TagMatch(NamedTuple):
     correlation: float  # with its template, at most 1
 
 
-def without_overlaps(
-    matches: Sequence[TagMatch], accepted: Iterable[Array]
-) -> tuple[TagMatch, ...]:
-    """Return the matches whose centers are not on a tag that is more certain, in their order.
-
-    A tag of which only a part is in the image may correlate with its neighbor on the sheet. A tag
-    that was detected and accepted is more certain than a match, and so is a match that correlates
-    better.
-
-    Args:
-        matches: Of one image.
-        accepted: (4, 2) corners of each tag that was detected in it and accepted, px.
-    """
-    outlines = [corners.astype(np.float32) for corners in accepted]
-    kept = []
-    for match in sorted(matches, key=lambda match: -match.correlation):
-        u, v = match.pixel.tolist()
-        if all(
-            cv2.pointPolygonTest(outline, (u, v), measureDist=False) < 0 for outline in outlines
-        ):
-            kept.append(match.tag)
-            outlines.append(match.corners.astype(np.float32))
-    return tuple(match for match in matches if match.tag in kept)
-
-
 def match_tag(image: Image, expected: ExpectedTag, lens: CameraModel) -> TagMatch | None:
     """Return an expected tag's position in an image, or None if it is not clearly visible.
 
@@ -123,6 +98,31 @@ def match_tag(image: Image, expected: ExpectedTag, lens: CameraModel) -> TagMatc
     corners = lens.project(expected.pose.apply(square_corners(tag.size)))
     corners += pixel - expected.pixel
     return TagMatch(tag.number, pixel, corners, view, float(correlation[row, column]))
+
+
+def without_overlaps(
+    matches: Sequence[TagMatch], accepted: Iterable[Array]
+) -> tuple[TagMatch, ...]:
+    """Return the matches whose centers are not on a tag that is more certain, in their order.
+
+    A tag of which only a part is in the image may correlate with its neighbor on the sheet. A tag
+    that was detected and accepted is more certain than a match, and so is a match that correlates
+    better.
+
+    Args:
+        matches: Of one image.
+        accepted: (4, 2) corners of each tag that was detected in it and accepted, px.
+    """
+    outlines = [corners.astype(np.float32) for corners in accepted]
+    kept = []
+    for match in sorted(matches, key=lambda match: -match.correlation):
+        u, v = match.pixel.tolist()
+        if all(
+            cv2.pointPolygonTest(outline, (u, v), measureDist=False) < 0 for outline in outlines
+        ):
+            kept.append(match.tag)
+            outlines.append(match.corners.astype(np.float32))
+    return tuple(match for match in matches if match.tag in kept)
 
 
 def _region(expected: ExpectedTag, lens: CameraModel, spread: Array) -> Region | None:

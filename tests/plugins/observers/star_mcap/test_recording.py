@@ -146,7 +146,6 @@ def images(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return flown(tmp_path_factory.mktemp("images"), mission, mat, "--save-frames")
 
 
-@pytest.mark.extended
 def test_recorded_tags_have_the_timestamps_of_their_images(images: Path) -> None:
     tags = read_run(images).detections
     assert set(tags.tag.tolist()) == {3}
