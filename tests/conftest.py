@@ -36,8 +36,10 @@ os.environ["XDG_RUNTIME_DIR"] = RUNTIME.name
 vars(stop_flights).update(SESSIONS=Path(RUNTIME.name), SOCKETS=Path(os.devnull))
 vars(land_requests)["gettempdir"] = lambda: RUNTIME.name
 
-# Tests of one process are no work that lasts: the progress of each counts from its own beginning.
+# Tests of one process are no work that lasts: the progress of each counts from its own beginning,
+# and what a command prints does not depend on the speed of the machine.
 progress.MAX_PAUSE = -1.0  # type: ignore[misc]
+progress.LINE_PERIOD = 600.0  # type: ignore[misc]
 
 # Reading what is installed takes as long as loading it: once for each search path.
 

@@ -37,7 +37,7 @@ class Progress:
         unit: Unit of `total` and `done`; without one they are shown as a bar only.
         estimated: Whether the total is an estimate; amounts are shown with decimals.
         detail: More text, or a function that returns it.
-        period: Longest time without a line if stderr is not a terminal, s.
+        period: Longest time without a line if stderr is not a terminal, s; LINE_PERIOD by default.
         announced: Whether to write a line at the beginning, too, if stderr is not a terminal.
         view: Returns what is shown above the bar on a terminal.
 
@@ -61,7 +61,7 @@ class Progress:
         unit: str = "",
         estimated: bool = False,
         detail: str | Callable[[], str] = "",
-        period: float = LINE_PERIOD,
+        period: float | None = None,
         announced: bool = False,
         view: Callable[[], RenderableType] | None = None,
     ) -> None:
@@ -70,7 +70,7 @@ class Progress:
         self.unit = unit
         self.estimated = estimated
         self.detail = detail
-        self.period = period
+        self.period = LINE_PERIOD if period is None else period
         self.announced = announced
         self.view = view
         self.done: float = 0
