@@ -168,6 +168,7 @@ def answer(*arguments: str) -> tuple[int, list[str]]:
 fuzz = settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
+@pytest.mark.extended
 @fuzz
 @given(
     path=st.lists(

@@ -26,6 +26,7 @@ def first(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any
     return out, flown(out)
 
 
+@pytest.mark.extended
 def test_drifting_drones_swap_safely_and_vary_with_the_seed(
     first: tuple[Path, dict[str, Any]], tmp_path: Path
 ) -> None:

@@ -81,6 +81,7 @@ def test_idle_threads_of_openblas_sleep_at_once_by_default(setting: str | None) 
     assert answer.stdout.split()[-1] == (setting or IDLE)
 
 
+@pytest.mark.extended
 @pytest.mark.usefixtures("hop")
 def test_simulated_flights_import_no_vision_radio_or_dsp() -> None:
     flight = "from star_core.commands.main import main\nmain(['run', 'hop.yaml', '--no-record'])"

@@ -53,6 +53,7 @@ def test_a_scene_names_at_most_ten_agents() -> None:
     assert scene.label(range(999)) == SHORT.replace("990", "989")
 
 
+@pytest.mark.extended
 def test_reports_on_a_thousand_airborne_agents_are_abbreviated(swarm: Lab) -> None:
     swarm.spoil("transport", "receive", flying)
     summary = swarm.fly("\n  - climb: {timeout: 0.3}\n")

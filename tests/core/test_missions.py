@@ -42,7 +42,10 @@ SETTINGS = {  # to shorten long flights, and to fly `external` beside other test
         "mission.2.follow.timescale=1.1",
     ),
 }
-LONG = {"around", "relief", "search", "three_eyes", "trajectory"}
+EXTENDED = {
+    "around", "paper_box", "paper_circle", "paths", "relief", "search", "search_flow", "three_eyes",
+    "trajectory",
+}  # fmt: skip
 UNREHEARSED = {
     "external",  # how long its program takes is unknown
     "search",  # ends 15 s later if a fast camera misses a target in passing
@@ -68,7 +71,9 @@ def flown(mission: Path, out: Path, settings: Sequence[str] = ()) -> tuple[dict[
 @pytest.mark.parametrize(
     "mission",
     [
-        pytest.param(path, marks=[pytest.mark.extended] if path.stem in LONG else [], id=path.stem)
+        pytest.param(
+            path, marks=[pytest.mark.extended] if path.stem in EXTENDED else [], id=path.stem
+        )
         for path in sorted(MISSIONS.glob("*.yaml"))
     ],
 )

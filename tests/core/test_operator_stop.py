@@ -183,6 +183,7 @@ def test_ctrl_c_lands_all_agents_and_reports_it(missions: Path) -> None:
     assert "Traceback" not in reported
 
 
+@pytest.mark.extended
 def test_ctrl_c_again_stops_the_motors(missions: Path) -> None:
     with in_the_air(missions / "first_flight.yaml") as flight:
         flight.send_signal(signal.SIGINT)

@@ -21,6 +21,7 @@ def cell(name: str) -> Any:
     return found
 
 
+@pytest.mark.extended
 def test_faultless_flights_pass_and_motor_failure_is_attributed() -> None:
     assert fault_flight.flown(cell("no fault"), 0, "ideal")["broken"] == []
     fallen = fault_flight.flown(cell("a motor stops"), 0, "ideal")
@@ -28,6 +29,7 @@ def test_faultless_flights_pass_and_motor_failure_is_attributed() -> None:
     assert fallen["fallen"] == 1
 
 
+@pytest.mark.extended
 @pytest.mark.parametrize("seed", [7003, 8004])  # the second flies as fast as it may
 def test_a_stuck_flow_sensor_lets_no_drone_drift_away(seed: int) -> None:
     flown = fault_flight.flown(cell("flow sensor of one drone stuck"), seed, "default")
@@ -131,6 +133,7 @@ def test_cpu_time_of_missing_flights_is_estimated() -> None:
     )
 
 
+@pytest.mark.extended
 @pytest.mark.parametrize("seed", [15, 16])
 def test_a_take_off_that_is_broken_off_lands_gently(seed: int, tmp_path: Path) -> None:
     """With the plan of any other landing the motors stop above the floor: 0.38 m/s."""

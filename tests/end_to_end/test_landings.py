@@ -82,6 +82,7 @@ def falls(folder: Path, flights: int, faults: LinkFaults | None) -> list[tuple[i
     return found
 
 
+@pytest.mark.extended
 @pytest.mark.parametrize("flights", [1, pytest.param(100, marks=pytest.mark.campaign)])
 @pytest.mark.parametrize("faults", [LOSS, JITTER, None], ids=["loss", "jitter", "cuts"])
 def test_no_drone_falls_over_a_bad_link(
@@ -97,6 +98,7 @@ def test_a_drone_whose_link_was_cut_in_flight_lands(tmp_path: Path, length: floa
     assert flight.fallen == []
 
 
+@pytest.mark.extended
 @pytest.mark.parametrize(
     "seed", [39, *(pytest.param(seed, marks=pytest.mark.campaign) for seed in (54, 89))]
 )
@@ -108,6 +110,7 @@ def test_no_drone_falls_over_links_that_lose_and_delay_packets(seed: int) -> Non
     assert not outcome.aloft
 
 
+@pytest.mark.extended
 @pytest.mark.parametrize(
     "seed", [2, *(pytest.param(seed, marks=pytest.mark.campaign) for seed in (3, 6))]
 )
@@ -135,6 +138,7 @@ class _CutInTakeOff:
             self._length = None
 
 
+@pytest.mark.extended
 @pytest.mark.parametrize(
     "length", [0.6, *(pytest.param(s, marks=pytest.mark.campaign) for s in (1.5, 3.0)), 5.0]
 )
@@ -147,6 +151,7 @@ def test_a_drone_whose_link_was_cut_in_its_take_off_lands(tmp_path: Path, length
     assert not any("rebooted" in text for text in texts)
 
 
+@pytest.mark.extended
 @pytest.mark.parametrize("length", [1.5, 1.7])
 def test_no_drone_falls_when_all_links_are_cut_in_flight(tmp_path: Path, length: float) -> None:
     faults = [LinkFaults(cuts=((1.0, 1.0 + length),))] * N
@@ -168,6 +173,7 @@ class _Interrupted(Script):
             self.motors_on += 0.01 * bool(air.drones["mode"].any())
 
 
+@pytest.mark.extended
 @pytest.mark.parametrize("faults", [LinkFaults(), LOSS], ids=["perfect", "loss"])
 def test_a_second_interrupt_stops_the_motors_and_they_stay_off(
     tmp_path: Path, faults: LinkFaults
@@ -193,6 +199,7 @@ class _Gone(Script):
             self.down = min(self.down, air.fleet.time)
 
 
+@pytest.mark.extended
 def test_a_drone_that_is_gone_for_good_does_not_delay_the_end(tmp_path: Path) -> None:
     gone = _Gone(1.0)
     flight = flown(tmp_path, steps=HOVER, watch=gone, after=0.0)
@@ -212,6 +219,7 @@ class _Rebooted(Script):
         self.motors_on += 0.01 * bool(air.drones["mode"][1] != 0)
 
 
+@pytest.mark.extended
 @pytest.mark.parametrize("changes", [[], [LINK_LOST]], ids=["fails", "goes on"])
 def test_a_drone_that_rebooted_is_reported_and_not_started_again(
     tmp_path: Path, changes: list[str]
@@ -236,6 +244,7 @@ class _TakeOffEnded(Script):
         pass
 
 
+@pytest.mark.extended
 @pytest.mark.parametrize("height", [0.5, 1.0])
 def test_aborted_takeoffs_of_lagging_drones_end_softly(tmp_path: Path, height: float) -> None:
     steps = f"  - takeoff: {{height: {height}}}\n  - land: {{}}\n"
@@ -244,6 +253,7 @@ def test_aborted_takeoffs_of_lagging_drones_end_softly(tmp_path: Path, height: f
     assert flight.air.impact.max() < 0.75
 
 
+@pytest.mark.extended
 def test_a_flight_is_the_same_in_every_run(tmp_path: Path) -> None:
     runs: list[Flown] = [flown(tmp_path, n=1, seed=5, faults=[LOSS]) for _ in range(2)]
     assert (runs[0].air.drones["position"] == runs[1].air.drones["position"]).all()

@@ -17,6 +17,7 @@ FEW: list[Cell] = [
 ]
 
 
+@pytest.mark.extended
 @pytest.mark.parametrize(
     ("cell", "flights"),
     [

@@ -125,6 +125,7 @@ nothing_blocks = settings(
 )
 
 
+@pytest.mark.extended
 @settings(nothing_blocks, max_examples=5)
 @given(cases())
 def test_any_mission_ends_by_itself_and_accounts_for_every_agent(case: Case) -> None:

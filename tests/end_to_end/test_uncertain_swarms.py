@@ -14,6 +14,7 @@ from star_core import Registry, fly, load
 from tests.campaign.safe_defaults import missions, room
 
 
+@pytest.mark.extended
 def test_agents_that_drift_into_each_other_land_apart(tmp_path: Path) -> None:
     case = Case("crossing", 8, 0, {})
     write(Campaign((case,), {"orca": "orca"}, ()), tmp_path)
@@ -26,6 +27,7 @@ def test_agents_that_drift_into_each_other_land_apart(tmp_path: Path) -> None:
     assert flight["reason"].endswith("were too uncertain and landed early")
 
 
+@pytest.mark.extended
 @pytest.mark.parametrize("seed", [22, 31])
 def test_fault_free_formations_keep_their_agents(tmp_path: Path, seed: int) -> None:
     mission, half = missions()["wide-formation-10"]

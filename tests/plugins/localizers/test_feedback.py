@@ -85,6 +85,7 @@ def test_position_feedback_alone_bounds_on_board_drift(path: str) -> None:
     assert errors[1] < errors[0] / 10
 
 
+@pytest.mark.extended
 def test_corrections_are_not_counted_twice() -> None:
     summaries = [flown_briefly("circle", "extpose", seed)[0] for seed in (0, 1)]
     assert np.mean([summary["position_nees"] for summary in summaries]) < 2.0

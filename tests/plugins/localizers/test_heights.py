@@ -67,16 +67,23 @@ class Heights:
                 self.above_table = min(self.above_table, float(z) - 0.6)
 
 
+OTHERS = {
+    "mocap forwarded": (MOCAP, "localizer={use: mocap, forward: extpose}"),
+    **{system: receives(system) for system in ("lighthouse", "loco", "poses")},
+    "no Flow deck": receives("lighthouse", "false"),
+}
+
+
 @pytest.mark.parametrize(
     "changes",
     [
-        (),
-        (MOCAP, "localizer=mocap"),
-        (MOCAP, "localizer={use: mocap, forward: extpose}"),
-        *map(receives, ("lighthouse", "loco", "poses")),
-        receives("lighthouse", "false"),
+        pytest.param((), id="flow"),
+        pytest.param((MOCAP, "localizer=mocap"), id="mocap"),
+        *(
+            pytest.param(changes, marks=pytest.mark.extended, id=name)
+            for name, changes in OTHERS.items()
+        ),
     ],
-    ids=["flow", "mocap", "mocap forwarded", "lighthouse", "loco", "poses", "no Flow deck"],
 )
 def test_a_flight_over_a_table_keeps_its_height(changes: tuple[str, ...], tmp_path: Path) -> None:
     (tmp_path / "table.yaml").write_text(WORLD)

@@ -237,11 +237,11 @@ def flown_by(system: str) -> Accuracy:
     ("system", "most", "along_z"),
     [
         ("lighthouse", 0.05, 0.02),
-        ("loco", 0.16, 0.02),
-        ("poses", 0.02, 0.02),
-        ("lighthouse, no Flow deck", 0.05, 0.04),
+        pytest.param("loco", 0.16, 0.02, marks=pytest.mark.extended),
+        pytest.param("poses", 0.02, 0.02, marks=pytest.mark.extended),
+        pytest.param("lighthouse, no Flow deck", 0.05, 0.04, marks=pytest.mark.extended),
         ("loco, no Flow deck", 0.2, 0.16),
-        ("poses, no Flow deck", 0.02, 0.01),
+        pytest.param("poses, no Flow deck", 0.02, 0.01, marks=pytest.mark.extended),
     ],
 )
 def test_flights_are_as_accurate_as_the_system(system: str, most: float, along_z: float) -> None:

@@ -403,6 +403,7 @@ def test_heights_that_are_all_outside_the_fence_are_refused() -> None:
     )
 
 
+@pytest.mark.extended
 def test_nothing_is_compiled_in_flight() -> None:
     code = """
 import numpy as np, pkgutil, importlib, star_visibility

@@ -44,6 +44,7 @@ def ablate(path: Path, *arguments: str) -> Path:
     return out
 
 
+@pytest.mark.extended
 @pytest.mark.usefixtures("in_process")
 def test_example_study_shows_that_orca_separates_drones(
     missions: Path, tmp_path: Path, rows: Rows, capsys: Printed
@@ -169,6 +170,7 @@ def test_what_has_changed_since_is_flown_again(
     assert len((out / "runs.jsonl").read_text().splitlines()) == 2 + int(runs[0])
 
 
+@pytest.mark.extended
 @pytest.mark.usefixtures("wrecker")
 def test_an_interrupt_keeps_what_is_done_and_leaves_no_process(
     study: Write, rows: Rows, tmp_path: Path, wrecker: Path

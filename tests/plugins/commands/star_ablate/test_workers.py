@@ -49,6 +49,7 @@ def alive(process: int) -> bool:
     return state != "Z"
 
 
+@pytest.mark.extended
 def test_a_worker_that_died_idle_is_replaced(worker: Worker, hop: Callable[[str], Mission]) -> None:
     worker.begin(0, Job(hop("raise")))
     assert worker.finish()[1].outcome == "failed"

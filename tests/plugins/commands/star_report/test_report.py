@@ -55,6 +55,7 @@ NAMES = (  # that cover no others
 )
 
 
+@pytest.mark.extended
 @pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium")
 def test_no_text_covers_another_after_a_resize(run: Run, tmp_path: Path) -> None:
     out = tmp_path / "page.html"

@@ -83,6 +83,7 @@ def test_the_page_stops_the_motors() -> None:
     assert summary["reason"] == "interrupted by the operator; stopped, motors off"
 
 
+@pytest.mark.extended
 def test_page_changes_simulation_speed_and_nothing_else() -> None:
     operator = Operator()
 
@@ -133,6 +134,7 @@ def test_missing_viser_is_reported_before_the_flight(
     assert error.startswith("star run --view needs viser: pip install 'star-swarm[view]' [missing")
 
 
+@pytest.mark.extended
 def test_a_flight_that_is_not_watched_does_not_import_the_view(hop: Path) -> None:
     program = "import sys; from star_core.commands.main import main; main(); print(*sys.modules)"
     command = [sys.executable, "-c", program, "run", "hop.yaml", "--no-record"]

@@ -186,6 +186,7 @@ def test_covariance_is_one_whether_the_way_is_one_leg_or_many() -> None:
     assert many[[0, 1, 3]] == pytest.approx(one[[0, 1, 3]], rel=0.3)
 
 
+@pytest.mark.extended
 def test_its_covariance_is_honest_over_many_flights() -> None:
     surprises = []
     for seed in range(6):

@@ -372,6 +372,7 @@ class Pulsing(Circle):
         return super().body(time + 0.8 * (1 - math.cos(time)))
 
 
+@pytest.mark.extended
 @pytest.mark.parametrize("late", [-0.02, 0.02])
 def test_the_latency_of_images_without_timestamps_is_estimated(late: float) -> None:
     flight = Flight(Pulsing(20.0))

@@ -111,10 +111,12 @@ def test_tags_take_away_most_of_the_drift() -> None:
     assert mse() < 0.0035
 
 
+@pytest.mark.extended
 def test_a_tenth_of_wrong_numbers_does_hardly_any_harm() -> None:
     assert mse(wrong_ids=0.1) <= 1.15 * mse() + 1e-4
 
 
+@pytest.mark.extended
 def test_half_of_them_wrong_is_still_better_than_no_tag() -> None:
     assert mse(wrong_ids=0.5) < mse(tags=0)
 
@@ -123,11 +125,13 @@ def test_the_covariance_is_honest() -> None:
     assert 0.05 < np.mean([flight(seed).surprise for seed in SEEDS]) < 2.0
 
 
+@pytest.mark.extended
 def test_realistic_errors_cost_little_and_are_in_the_covariance() -> None:
     assert mse(profile="realistic") < 0.0075
     assert np.mean([flight(seed, profile="realistic").surprise for seed in SEEDS]) < 1.6
 
 
+@pytest.mark.extended
 def test_tags_in_rendered_images_serve_as_well() -> None:
     assert np.mean(flight(0, mode="rendered").squared) < 0.0025
 

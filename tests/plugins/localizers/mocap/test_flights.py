@@ -15,6 +15,7 @@ SEED = mocap.SEED + 500
 SHORT = "mission=[takeoff: {height: 0.8}, goto: {by: [1.5, 0, 0]}, land: {}]"
 
 
+@pytest.mark.extended
 @pytest.mark.parametrize("holds", mocap.LOSSES.values(), ids=list(mocap.LOSSES))
 def test_what_a_system_loses_is_noticed(holds: Callable[[int], bool]) -> None:
     assert holds(SEED)
@@ -37,7 +38,10 @@ def test_the_latency_is_estimated_within_five_milliseconds(latency: float) -> No
     assert abs(mocap.latency_error(SEED, latency)) <= 0.005
 
 
-@pytest.mark.parametrize("forward", ["none", "extpos", "extpose"])
+@pytest.mark.parametrize(
+    "forward",
+    ["none", *(pytest.param(name, marks=pytest.mark.extended) for name in ("extpos", "extpose"))],
+)
 def test_positions_are_within_a_centimetre(forward: str) -> None:
     flight = mocap.accuracy(SEED, [f"localizer.forward={forward}", SHORT])
     assert flight.rms <= 0.01
@@ -65,6 +69,7 @@ def estimates() -> list[bytes]:
     return observer.ticks
 
 
+@pytest.mark.extended
 def test_no_plugin_receives_the_ground_truth(monkeypatch: pytest.MonkeyPatch) -> None:
     """A flight with another ground truth is the same to the last bit."""
     before, real = estimates(), Simulator.truth

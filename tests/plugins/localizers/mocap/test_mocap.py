@@ -169,6 +169,7 @@ def test_a_transport_without_positions_is_an_error(tmp_path: Path) -> None:
         load(path, Registry())
 
 
+@pytest.mark.extended
 @pytest.mark.parametrize(
     ("positioning", "gap"),
     [("std: 0.03", 0.07), ("std: 0.01, dropout_rate: 0.2, dropout_time: 3", 3.07)],

@@ -181,6 +181,7 @@ def _matrix() -> tuple[float, ...]:
     return fx, cx, fy, cy
 
 
+@pytest.mark.extended
 def test_no_index_of_a_chunk_stays_in_memory_until_the_end(tmp_path: Path) -> None:
     chunks, channels = 20, 50
     with (tmp_path / FILE).open("wb") as stream:
@@ -291,6 +292,7 @@ def test_what_is_no_recording_is_refused(
     assert main(["recover", str(tmp_path / "missing")]) == 2
 
 
+@pytest.mark.extended
 def test_a_killed_flight_leaves_a_complete_recording(run: Path, tmp_path: Path) -> None:
     mission = run.parent / "hop.yaml"
     star = Path(sys.executable).with_name("star")

@@ -50,6 +50,7 @@ def test_goals_keep_clear_of_obstacles_and_the_fence(pattern: str, hall: Any, se
     assert shapely.box(-1.7, -1.7, 1.7, 1.7).buffer(1e-6).contains(points).all()
 
 
+@pytest.mark.extended
 @both
 def test_more_scouts_are_done_sooner(pattern: str, hall: Any, search: Any) -> None:
     alone, three = search(hall(1), pattern=pattern), search(hall(3), pattern=pattern)

@@ -93,6 +93,7 @@ def test_guardian_lands_agents_of_a_killed_flight(flight: Flight, tmp_path: Path
     assert lines[0].endswith("the flight has ended without closing its links: landing cf1, cf2")
 
 
+@pytest.mark.extended
 def test_the_flight_lands_its_agents_if_the_guardian_is_killed(flight: Flight) -> None:
     flight.take_off()
     flight.radio._process.kill()
@@ -114,6 +115,7 @@ def lose_in_take_off(flight: Flight, *rows: int) -> None:
     flight.radio.close()
 
 
+@pytest.mark.extended
 @pytest.mark.parametrize(
     ("patience", "says"),
     [
@@ -139,6 +141,7 @@ def test_guardian_lands_drones_heard_again_after_the_flight(
     assert says in capfd.readouterr().err
 
 
+@pytest.mark.extended
 def test_ctrl_c_gives_up_a_drone_that_is_not_heard(
     flight: Flight, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:

@@ -282,6 +282,7 @@ def test_drones_fly_it_in_the_map_and_land_in_the_middle(
     assert (track[-1][:, 2] == 0.0).all()
 
 
+@pytest.mark.extended
 def test_a_drone_without_a_link_comes_down_after_a_trajectory(tmp_path: Path) -> None:
     def cut(air: Air, _operator: Operator) -> None:
         air.links.faults[0] = LinkFaults(loss=1.0)

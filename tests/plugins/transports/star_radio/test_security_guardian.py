@@ -100,6 +100,7 @@ def test_hostile_messages_drop_no_drone(flight: Flight, caplog: pytest.LogCaptur
     assert not flight.fallen
 
 
+@pytest.mark.extended
 def test_unreadable_messages_drop_no_drone(tmp_path: Path) -> None:
     with ideal_fleet(scene(2), noise=False) as fleet:
         flown = test_guarded.Flight(tmp_path, fleet)

@@ -87,6 +87,7 @@ def test_simulated_drones_come_down_as_real_drones_do() -> None:
     assert pieces.DESCENT_SPEED == trajectories.DESCENT_SPEED
 
 
+@pytest.mark.extended
 @pytest.mark.parametrize("length", [math.inf, 9.0])
 def test_a_drone_without_a_link_in_its_take_off_comes_down(tmp_path: Path, length: float) -> None:
     flight = flown(tmp_path, n=2, steps=HOLD, changes=[LINK_LOST], watch=Cut(length))
@@ -96,6 +97,7 @@ def test_a_drone_without_a_link_in_its_take_off_comes_down(tmp_path: Path, lengt
     assert motors_on == (length == math.inf)  # whatever client returns stops them
 
 
+@pytest.mark.extended
 @pytest.mark.parametrize(
     ("steps", "begins"),
     [
@@ -131,6 +133,7 @@ def test_when_a_drone_comes_down_by_itself_is_announced(
     assert down <= announced[-1] <= down + (1.5 if begins == TAKEOFF else 12.0)
 
 
+@pytest.mark.extended
 def test_takeoffs_of_any_height_are_taken_over_before_descent(tmp_path: Path) -> None:
     watch = Cut(0.0)
     flight = flown(tmp_path, n=2, steps=TWO, watch=watch)
