@@ -55,7 +55,7 @@ docs: $(VENV)/.ready  ## build the documentation into build/docs; warnings are e
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 	@echo "open build/docs/index.html; with search: $(BIN)/python -m http.server --bind 127.0.0.1 --directory build/docs"
 
-extended: $(VENV)/.ready  ## tests of more than two seconds each, and every benchmark and campaign in a small size
+extended: $(VENV)/.ready  ## flights that judge accuracy or safety, other long tests, every benchmark and campaign in a small size
 	$(BIN)/python -m pytest -q -n $$(( $$(nproc) * 2 )) -m "extended and not campaign"
 
 air: $(VENV)/.ready  ## the flights over the radio's protocol that `make check` leaves out

@@ -58,6 +58,7 @@ def test_the_notebook_runs_and_draws(
     assert Path("runs/notebook/first/summary.json").is_file()
 
 
+@pytest.mark.extended
 def test_the_notebook_that_steps_a_flight_runs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -118,6 +119,7 @@ def star_typed(line: str) -> int:
     return main([name for word in words for name in (sorted(glob.glob(word)) or [word])])  # noqa: PTH207 -- as a shell does
 
 
+@pytest.mark.extended
 def test_the_importing_and_calibrating_commands_work_as_typed(
     clone: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

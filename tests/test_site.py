@@ -59,6 +59,7 @@ def pages(site: Path) -> dict[Path, Links]:
     return {page: Links(page) for page in site.rglob("*.html") if page.name != "404.html"}
 
 
+@pytest.mark.extended
 def test_no_page_loads_anything_from_another_server(site: Path, pages: dict[Path, Links]) -> None:
     loaded = {url for page in pages.values() for url in page.loaded}
     assert {url for url in loaded if re.match(r"(https?:)?//", url)} == set()
@@ -67,6 +68,7 @@ def test_no_page_loads_anything_from_another_server(site: Path, pages: dict[Path
     assert not any('class="mermaid"' in page.read_text() for page in pages)  # loads its script
 
 
+@pytest.mark.extended
 def test_every_link_and_anchor_leads_somewhere(pages: dict[Path, Links]) -> None:
     missing = []
     for page, content in pages.items():
@@ -91,6 +93,7 @@ def test_generated_sections_of_pages_are_up_to_date(monkeypatch: pytest.MonkeyPa
         assert made["with_examples"](page.read_text()) == page.read_text(), page.name
 
 
+@pytest.mark.extended
 def test_every_option_of_every_plugin_is_described(site: Path) -> None:
     missing = []
     for kind, found in Registry():
@@ -105,6 +108,7 @@ def test_every_option_of_every_plugin_is_described(site: Path) -> None:
     assert missing == []
 
 
+@pytest.mark.extended
 def test_every_public_name_is_in_the_reference(site: Path) -> None:
     import star_core
     from star_core import commands, formats, testing, toolkit

@@ -21,7 +21,11 @@ ESCAPE = "\x1b]0;title\x07\x1b[2J"
 
 @pytest.mark.parametrize(
     ("redirection", "status"),
-    [("<&- >&- 2>&-", 0), ("| true", 1), ("2> >(true)", 0)],
+    [
+        ("<&- >&- 2>&-", 0),
+        pytest.param("| true", 1, marks=pytest.mark.extended),
+        pytest.param("2> >(true)", 0, marks=pytest.mark.extended),
+    ],
 )
 def test_closed_streams_end_no_flight(hop: Path, redirection: str, status: int) -> None:
     done = in_shell(f"set -o pipefail; '{STAR}' run hop.yaml --out run {redirection}", hop)

@@ -117,6 +117,7 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> Runs:
     return made
 
 
+@pytest.mark.extended
 def test_machine_code_of_other_sources_is_never_loaded_from_disk(runs: Runs) -> None:
     assert runs["first"][:2] == ((2.0, 2.0, 1.0), (0, 0, 0))
     assert runs["changed"][:2] == ((5.0, 5.0, 1.0), (0, 0, 0))

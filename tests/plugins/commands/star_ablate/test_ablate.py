@@ -62,6 +62,7 @@ def test_example_study_shows_that_orca_separates_drones(
     assert re.search(r"^orca 0.25 +1 +100% +0", printed, re.MULTILINE)
 
 
+@pytest.mark.extended
 @pytest.mark.usefixtures("in_process")
 def test_two_workers_write_the_results_of_one_process(flown: Write, rows: Rows) -> None:
     with_two = flown("").parents[1] / "out" / "results.csv"

@@ -171,7 +171,9 @@ def test_agents_fly_to_the_corners_of_a_grid_as_executed(take: Import) -> None:
     assert goals["cf1 cf2"] == {"cf1": [0.6, 1.6], "cf2": [0.6, 2.0]}
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize(
+    "seed", [0, *(pytest.param(seed, marks=pytest.mark.extended) for seed in range(1, 4))]
+)
 def test_drawn_launch_folders_are_imported(
     tmp_path: Path, seed: int, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -212,6 +212,7 @@ mission:
 """
 
 
+@pytest.mark.extended
 @pytest.mark.parametrize(
     ("controller", "control"),
     [
