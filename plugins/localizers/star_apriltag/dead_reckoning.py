@@ -158,37 +158,34 @@ def carried(anchor: Anchor, time: float, track: OdometryTrack) -> tuple[Anchor, 
     took = motion.duration
     blind = motion.blind_duration / took if took > 0 else 0.0
     kept = np.ones(STATES)
-    kept[[ROLL, PITCH]] = math.exp(-took / TILT_TIME)
-    kept[[SLIP_X, SLIP_Y]] = slip_kept = math.exp(-took / SLIP_TIME)
+    kept[ROLL] = kept[PITCH] = math.exp(-took / TILT_TIME)
+    kept[SLIP_X] = kept[SLIP_Y] = slip_kept = math.exp(-took / SLIP_TIME)
     kept[FLOOR] = floor_kept = math.exp(-motion.length / FLOOR_LENGTH)
-    kept[[DRIFT_X, DRIFT_Y]] = math.exp(-took / DRIFT_TIME)
+    kept[DRIFT_X] = kept[DRIFT_Y] = math.exp(-took / DRIFT_TIME)
 
     # Derivatives of the displacement in the map, x + iy.
     along = heading * motion.blind_shift
-    slipped = -heading * blind * SLIP_TIME * (1 - slip_kept)
-    slipped *= cmath.rect(1.0, motion.turn / 2 * min(1.0, SLIP_TIME / max(took, SLIP_TIME)))
+    by_slip = -heading * blind * SLIP_TIME * (1 - slip_kept)
+    by_slip *= cmath.rect(1.0, motion.turn / 2 * min(1.0, SLIP_TIME / max(took, SLIP_TIME)))
     on_floor = FLOOR_LENGTH * (1 - floor_kept) / motion.length if motion.length > 0 else 0.0
     by = np.zeros(STATES, np.complex128)
-    by[[SLIP_X, SLIP_Y]] = slipped, 1j * slipped
-    by[[SCALE, TURN, FLOOR]] = along, 1j * along, on_floor * along
-    slip_x, slip_y, arm_x, arm_y = anchor.mean[[SLIP_X, SLIP_Y, ARM_X, ARM_Y]].tolist()
-    by[ARM_X] = -heading * motion.swing
-    by[ARM_Y] = 1j * by[ARM_X]
-    by[YAW_BIAS] = -1j * heading * motion.moment
-    by[DRIFT_X] = -heading * motion.blind_duration * cmath.rect(1.0, motion.turn / 2)
-    by[DRIFT_Y] = 1j * by[DRIFT_X]
-    drift_x, drift_y = anchor.mean[[DRIFT_X, DRIFT_Y]].tolist()
-    by[YAW_BIAS] -= 1j * took / 2 * by[DRIFT_X] * complex(drift_x, drift_y)
-    shift = (
-        heading * motion.shift
-        + by[SLIP_X] * complex(slip_x, slip_y)
-        + by[ARM_X] * complex(arm_x, arm_y)
-        + by[DRIFT_X] * complex(drift_x, drift_y)
-    )
+    by[SLIP_X], by[SLIP_Y] = by_slip, 1j * by_slip
+    by[SCALE], by[TURN], by[FLOOR] = along, 1j * along, on_floor * along
+    errors = anchor.mean.tolist()
+    slip, arm = complex(*errors[SLIP_X : SLIP_Y + 1]), complex(*errors[ARM_X : ARM_Y + 1])
+    drift = complex(*errors[DRIFT_X : DRIFT_Y + 1])
+    by_arm = -heading * motion.swing
+    by[ARM_X], by[ARM_Y] = by_arm, 1j * by_arm
+    by_drift = -heading * motion.blind_duration * cmath.rect(1.0, motion.turn / 2)
+    by[DRIFT_X], by[DRIFT_Y] = by_drift, 1j * by_drift
+    by[YAW_BIAS] = -1j * heading * motion.moment - 1j * took / 2 * by_drift * drift
+    shift = heading * motion.shift + by_slip * slip + by_arm * arm + by_drift * drift
     by[YAW] = 1j * shift
 
     mean = kept * anchor.mean
-    mean[[X, Y, YAW]] += shift.real, shift.imag, motion.turn
+    mean[X] += shift.real
+    mean[Y] += shift.imag
+    mean[YAW] += motion.turn
     moved = np.diag(kept)
     moved[X] += by.real
     moved[Y] += by.imag
@@ -203,20 +200,24 @@ def _noise(motion: Motion, heading: complex, kept: Array) -> Array:
     # Slip and scale on the floor are first-order Gauss-Markov processes; positions integrate them.
     slip_std = SLIP_RATE * max(motion.height, LEAST_HEIGHT)
     variance, shared, left = _integrated(slip_std, SLIP_TIME, motion.blind_duration)
-    noise[[X, Y], [X, Y]] += variance
-    noise[[SLIP_X, SLIP_Y], [SLIP_X, SLIP_Y]] = left
+    noise[X, X] += variance
+    noise[Y, Y] += variance
+    noise[SLIP_X, SLIP_X] = noise[SLIP_Y, SLIP_Y] = left
     end = -shared * heading * cmath.rect(1.0, motion.turn)
-    noise[X, [SLIP_X, SLIP_Y]] = noise[[SLIP_X, SLIP_Y], X] = end.real, -end.imag
-    noise[Y, [SLIP_X, SLIP_Y]] = noise[[SLIP_X, SLIP_Y], Y] = end.imag, end.real
+    noise[X, SLIP_X] = noise[SLIP_X, X] = noise[Y, SLIP_Y] = noise[SLIP_Y, Y] = end.real
+    noise[X, SLIP_Y] = noise[SLIP_Y, X] = -end.imag
+    noise[Y, SLIP_X] = noise[SLIP_X, Y] = end.imag
     variance, shared, left = _integrated(FLOOR_STD, FLOOR_LENGTH, motion.blind_length)
     along = heading * motion.shift / motion.length if motion.length > 0 else 0j
-    noise[[X, Y], [X, Y]] += FLOOR_MOTION_NOISE**2 * (motion.duration - motion.blind_duration)
+    by_floor = FLOOR_MOTION_NOISE**2 * (motion.duration - motion.blind_duration)
+    noise[X, X] += by_floor
+    noise[Y, Y] += by_floor
     ahead = np.array([along.real, along.imag])
     noise[:FLOOR, :FLOOR][:2, :2] += variance * np.outer(ahead, ahead)
     noise[FLOOR, :2] = noise[:2, FLOOR] = shared * ahead
     noise[FLOOR, FLOOR] = left
-    noise[[ROLL, PITCH], [ROLL, PITCH]] = TILT_STD**2 * (1 - kept[ROLL] ** 2)
-    noise[[DRIFT_X, DRIFT_Y], [DRIFT_X, DRIFT_Y]] = DRIFT_STD**2 * (1 - kept[DRIFT_X] ** 2)
+    noise[ROLL, ROLL] = noise[PITCH, PITCH] = TILT_STD**2 * (1 - kept[ROLL] ** 2)
+    noise[DRIFT_X, DRIFT_X] = noise[DRIFT_Y, DRIFT_Y] = DRIFT_STD**2 * (1 - kept[DRIFT_X] ** 2)
     return noise
 
 

@@ -78,27 +78,22 @@ class OdometryTrack:
             rows: Of the agent.
             motors: Whether its motors may run; off, it is at rest unless it is carried.
         """
-        rests = np.full(len(rows), not motors)
-        rests &= np.abs(odometry.velocity[rows]).max(axis=1, initial=0.0) < MAX_REST_SPEED
-        rests &= np.abs(odometry.yaw_rate[rows]) < MAX_REST_RATE
-        table = np.column_stack(
-            [
-                odometry.time[rows],
-                odometry.velocity[rows],
-                odometry.yaw_rate[rows],
-                odometry.roll[rows],
-                odometry.pitch[rows],
-                odometry.height[rows],
-                np.ones(len(rows)),
-                rests,
-                np.zeros((len(rows), 2)),
-            ]
-        )
+        table = np.zeros((len(rows), COLUMNS))
+        table[:, 0] = odometry.time[rows]
+        table[:, 1:4] = odometry.velocity[rows]
+        table[:, 4] = odometry.yaw_rate[rows]
+        table[:, 5] = odometry.roll[rows]
+        table[:, 6] = odometry.pitch[rows]
+        table[:, 7] = odometry.height[rows]
+        table[:, 8] = 1.0
+        if not motors:
+            slow = np.abs(table[:, 1:4]).max(axis=1, initial=0.0) < MAX_REST_SPEED
+            table[:, 9] = slow & (np.abs(table[:, 4]) < MAX_REST_RATE)
         table = table[np.isfinite(table).all(axis=1)]
         newer = np.maximum.accumulate(np.append(self.newest, table[:-1, 0])) < table[:, 0]
         table = table[newer][-CAPACITY:]
-        for row in table:
-            swing = self._turn.follow(float(row[0]), float(row[4]))
+        swings = map(self._turn.follow, table[:, 0].tolist(), table[:, 4].tolist())
+        for row, swing in zip(table, swings, strict=True):
             row[10], row[11] = swing.real, swing.imag
         self._make_room(len(table))
         self._rows[self._end : self._end + len(table)] = table
@@ -124,20 +119,21 @@ class OdometryTrack:
         if end <= begin or not len(times):
             duration = max(0.0, end - begin)
             return Motion(0j, 0.0, 0.0, duration, 0.0, duration)
-        first = min(int(np.searchsorted(times, begin, side="right")), len(times) - 1)
-        last = min(int(np.searchsorted(times, end)), len(times) - 1)
+        first = min(int(times.searchsorted(begin, side="right")), len(times) - 1)
+        last = min(int(times.searchsorted(end)), len(times) - 1)
         rows = self._rows[first : last + 1]
-        until = np.clip(rows[:, 0], begin, end)
-        until[-1] = end
-        took = np.diff(until, prepend=begin) * (1 - rows[:, 9])
+        until = np.empty(len(rows) + 1)
+        until[0], until[-1] = begin, end
+        np.minimum(np.maximum(rows[:-1, 0], begin), end, out=until[1:-1])
+        took = (until[1:] - until[:-1]) * (1 - rows[:, 9])
         turns = (rows[:, 4] - yaw_bias) * took
-        after = np.cumsum(turns)
+        after = turns.cumsum()
         blind = rows[:, 8]
         steps = np.where(blind > 0, scale, 1.0) * (rows[:, 1] + 1j * rows[:, 2]) * took
         lengths = np.abs(steps)
         toward = np.exp(1j * (after - turns / 2))
         turned = toward * steps
-        middle = np.cumsum(took) - took / 2  # s, of each sample's motion
+        middle = took.cumsum() - took / 2  # s, of each sample's motion
         uncorrected = toward * np.exp(1j * yaw_bias * middle)  # headings by the rate as measured
         return Motion(
             shift=complex(turned.sum()),
