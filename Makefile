@@ -8,7 +8,7 @@ FLIGHTS ?= 100
 
 .DEFAULT_GOAL := help
 unexport PYTHONDONTWRITEBYTECODE  # the tests start many processes
-.PHONY: help fly test check generated pictures looked-at docs extended air bench campaign around faults link-cuts mocap onboard preflight imported guardian safe-defaults killed-studies mutants scenarios fuzz soak lowest clean
+.PHONY: help fly test check lint kernels generated pictures looked-at docs extended air bench campaign around faults link-cuts mocap onboard preflight imported guardian safe-defaults killed-studies mutants scenarios fuzz soak lowest clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 12
@@ -31,13 +31,18 @@ test: $(VENV)/.ready  ## set up and run every check and the default tests
 	$(MAKE) --no-print-directory check
 
 check: $(VENV)/.ready  ## style, types, layers, tests
+	$(MAKE) --no-print-directory --jobs=2 lint kernels
+	$(BIN)/python -m pytest -q -n $$(( $$(nproc) * 2 ))  # more than processors: some tests wait
+
+lint: $(VENV)/.ready  ## style, types, layers
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+kernels: $(VENV)/.ready  # compiles most of them for all processes of the tests
 	for mission in first_flight around search; do \
-	$(BIN)/star-run missions/$$mission.yaml --no-record 2>/dev/null; done  # compiles for all tests
-	$(BIN)/python -m pytest -q -n $$(( $$(nproc) * 2 ))  # more than processors: some tests wait
+	$(BIN)/star-run missions/$$mission.yaml --no-record 2>/dev/null; done
 
 generated: $(VENV)/.ready  ## write the files that are made from the code: schemas for editors, pages, examples
 	$(BIN)/star schema --out missions/mission.schema.json
