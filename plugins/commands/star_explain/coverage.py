@@ -13,13 +13,7 @@ from star_core.toolkit import Rehearsal
 def coverage_problems(
     mission: Mission, registry: Registry, rehearsal: Rehearsal
 ) -> Iterator[Problem]:
-    """Warn of steps in which agents cannot be located, with the first such position of each.
-
-    Args:
-        mission: The mission.
-        registry: Registry of its plugins.
-        rehearsal: Of the mission.
-    """
+    """Warn of steps in which agents cannot be located, with the first such position of each."""
     localizer = mission.plugins["localizer"]
     covered = registry.find("localizer", localizer.use).offer.covered
     if covered is None:

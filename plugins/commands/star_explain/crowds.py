@@ -22,11 +22,6 @@ def crowd_problems(mission: Mission, rehearsal: Rehearsal, origins: Origins) -> 
 
     Between these steps all agents hover, and avoid agents that have landed. Each pair is reported
     once. Agents that may be elsewhere than in the rehearsal are not considered.
-
-    Args:
-        mission: The mission.
-        rehearsal: Of the mission.
-        origins: Of the rehearsal.
     """
     scene, limits = mission.scene, mission.scene.limits
     kept = kept_distance(mission)

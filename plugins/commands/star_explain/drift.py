@@ -12,7 +12,7 @@ import numpy as np
 from star_core import Array, Mask, Mission, Problem, Registry
 from star_core.toolkit import ALONE_SHARE, CONTACT_RADIUS, MAX_MARGIN_RATIO, Rehearsal
 from star_explain.passing import PASSING_SHARE
-from star_explain.separation import kept_distance
+from star_explain.separation import kept_clearance, kept_distance
 
 PERIOD: Final = 0.5  # s
 MIN_SPEED: Final = 0.1  # m/s, relative: two agents that are slower do not pass each other
@@ -30,11 +30,6 @@ def drift_problems(mission: Mission, registry: Registry, rehearsal: Rehearsal) -
 
     The risk of a pair, or of an agent and an obstacle, is that of its worst moment, and that of the
     mission at most the sum over these.
-
-    Args:
-        mission: The mission.
-        registry: Registry of its plugins.
-        rehearsal: Of the mission.
     """
     scene, localizer = mission.scene, mission.plugins["localizer"]
     offer = registry.find("localizer", localizer.use).offer
@@ -196,7 +191,7 @@ def obstacle_problems(
     position. It touches the obstacle if the error towards it exceeds the rest.
     """
     scene, (_, position, airborne, std) = mission.scene, flight
-    base = _clearance(mission, registry)
+    base = kept_clearance(mission, registry, radius=True)
     margin = np.minimum(scene.limits.uncertainty_margin * std, MAX_MARGIN_RATIO * base)
     moving = np.linalg.norm(np.gradient(position, PERIOD, axis=0), axis=2) > MIN_SPEED
     kept = base + np.where(moving, margin, 0.0)
@@ -256,15 +251,3 @@ def _wall_problem(total: float, where: str, what: str) -> Iterator[Problem]:
             "drift-exceeds-clearance",
             warning=True,
         )
-
-
-def _clearance(mission: Mission, registry: Registry) -> float:
-    """Return the distance that planner or avoider keep to obstacles, m; 0 if neither does."""
-    clearances = [0.0]
-    for kind, names in (("planner", ("clearance",)), ("avoider", ("clearance", "radius"))):
-        spec = registry.find(kind, mission.plugins[kind].use).offer
-        options = mission.plugins[kind].options
-        if spec.avoids_obstacles:
-            values = [options.get(name) for name in names]
-            clearances += [value for value in values if isinstance(value, int | float)][:1]
-    return max(clearances)

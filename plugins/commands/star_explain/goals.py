@@ -18,11 +18,6 @@ def goal_problems(step: StepResult, mission: Mission, registry: Registry) -> Ite
     It is a warning if the agents may begin elsewhere than in the rehearsal, if the step may end
     before, or if the mission continues after its failure. A goal that follows from where an agent
     took off may be off by `ERROR`: that no agent could fly to it then is a warning too.
-
-    Args:
-        step: Of the rehearsal.
-        mission: The mission.
-        registry: Registry of its plugins.
     """
     action = step.action
     path = (*action.path, action.verb)

@@ -9,6 +9,7 @@ import numpy as np
 
 from star_core import AgentPhase, Array, Mission, Obstacle, Problem, Registry
 from star_core.toolkit import OBSTACLE_CLEARANCE, Rehearsal
+from star_explain.separation import kept_clearance
 
 GROUND: Final = (AgentPhase.GROUNDED, AgentPhase.TAKING_OFF)
 ROUNDING: Final = 1e-9  # m
@@ -22,16 +23,11 @@ def near_obstacle_problems(
 
     Take-offs and landings are straight lines up and down, on which nothing steers an agent. The
     clearance is the greatest of planner, avoider and `OBSTACLE_CLEARANCE`.
-
-    Args:
-        mission: The mission.
-        registry: Registry of its plugins.
-        rehearsal: Of the mission.
     """
     obstacles = mission.scene.world.obstacles
     if not obstacles:
         return
-    kept = _clearance(mission, registry)
+    kept = max(OBSTACLE_CLEARANCE, kept_clearance(mission, registry))
     for row, agent in enumerate(mission.scene.agents):
         flies = np.flatnonzero(rehearsal.airborne[:, row])
         if not len(flies):
@@ -71,18 +67,6 @@ def _landings(
                 "landing-near-obstacle",
                 warning=True,
             )
-
-
-def _clearance(mission: Mission, registry: Registry) -> float:
-    kept = OBSTACLE_CLEARANCE
-    for kind in ("planner", "avoider"):
-        plugin = mission.plugins[kind]
-        value = plugin.options.get("clearance")
-        if registry.find(kind, plugin.use).offer.avoids_obstacles and isinstance(
-            value, int | float
-        ):
-            kept = max(kept, float(value))
-    return kept
 
 
 def _top(rehearsal: Rehearsal, row: int, first: int) -> float:

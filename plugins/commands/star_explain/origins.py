@@ -9,11 +9,6 @@ from star_core.toolkit import Action, Rehearsal, RehearsedStep, actions
 class Origins:
     """What is known about where agents begin their steps.
 
-    Args:
-        mission: The mission.
-        registry: Registry of its verbs.
-        rehearsal: Of the mission.
-
     Attributes:
         rounds: Rounds of each step in the rehearsal, by the `id` of the step.
         uncertain: Of each step of the mission, the rows of agents that may then be elsewhere than

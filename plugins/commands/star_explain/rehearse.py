@@ -45,10 +45,6 @@ def rehearse(mission: Mission, registry: Registry) -> Rehearsal:
 
     Steps whose tasks hold resources exclusively are left out, and so are further rounds of a step
     after `MAX_DURATION`: the durations of both are unknown.
-
-    Args:
-        mission: To rehearse.
-        registry: Of its plugins.
     """
     # With `realtime` set, no plugin may wait for anything.
     scene = replace(mission.scene, realtime=True, period=TICK)
@@ -85,7 +81,6 @@ class _Tasks:
     def __init__(self, registry: Registry, actions: Mapping[int, Action]) -> None:
         self._registry = registry
         self._actions = actions
-        self._again: set[int] = set()
         self.made: list[RehearsedTask] = []
         self.late = False
 

@@ -155,12 +155,7 @@ def steps_of(part: Part) -> Iterator[StepResult]:
 
 
 def with_others(group: Group, others: Sequence[Group]) -> Group:
-    """Return results in which steps that are not reached have those of another variant.
-
-    Args:
-        group: Of a mission.
-        others: Of variants of it.
-    """
+    """Return results in which steps that are not reached have those of another variant."""
     inner = zip(group.parts, *(other.parts for other in others), strict=True)
     return replace(group, parts=tuple(_reached(first, rest) for first, *rest in inner))
 

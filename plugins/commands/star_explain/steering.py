@@ -12,6 +12,7 @@ from star_core import Array, Estimate, Goals, Mask, Mission, Registry
 from star_core.testing import straight_velocity
 from star_core.toolkit import wrap_angle
 from star_explain.passing import Passing
+from star_explain.separation import option
 from star_explain.uncertainty import Uncertainty
 
 GAIN: Final = 1.5  # 1/s, of a planner without this option
@@ -34,10 +35,9 @@ class Steering:
 
     def __init__(self, mission: Mission, registry: Registry) -> None:
         self._scene = scene = mission.scene
-        self._gain = _option(mission, "gain", GAIN)
-        self._most_turn = (
-            math.radians(_option(mission, "yaw_rate_deg", YAW_RATE_DEG)) * scene.period
-        )
+        self._gain = option(mission, "planner", "gain", GAIN)
+        yaw_rate_deg = option(mission, "planner", "yaw_rate_deg", YAW_RATE_DEG)
+        self._most_turn = math.radians(yaw_rate_deg) * scene.period
         self._uncertainty = Uncertainty(mission, registry)
         self._passing = Passing(mission, self._uncertainty.std)
         self._plugins = None
@@ -82,9 +82,3 @@ class Steering:
             except Exception:  # noqa: BLE001 -- whatever a plugin may raise, as the flight reports
                 self._plugins = None
         return self._passing.velocity(now, estimate.position, goals, steered, velocity)
-
-
-def _option(mission: Mission, name: str, default: float) -> float:
-    """Return a number among the options of the planner."""
-    value = mission.plugins["planner"].options.get(name, default)
-    return float(value) if isinstance(value, int | float) else default

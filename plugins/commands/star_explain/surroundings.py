@@ -15,13 +15,7 @@ ASIDE: Final = 0.4  # m, by a planner that does not know of it, since others pus
 
 
 class Surroundings:
-    """Finds what agents touch, and over what they fly.
-
-    Args:
-        mission: The mission.
-        registry: Registry of its plugins.
-        rehearsal: Of the mission.
-    """
+    """Finds what agents touch, and over what they fly."""
 
     def __init__(self, mission: Mission, registry: Registry, rehearsal: Rehearsal) -> None:
         self._scene = mission.scene
