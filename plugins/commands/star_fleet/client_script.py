@@ -11,7 +11,6 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from threading import Thread
-from types import FrameType
 from typing import Final
 
 from star_core import InputError, Mission
@@ -79,23 +78,16 @@ def client(command: Sequence[str], fleet: Fleet, mission: Mission) -> Iterator[C
         process.wait()
         fleet.stop()
 
-    def terminate(_number: int, _frame: FrameType | None) -> None:
-        process.terminate()
-
-    def ignore(_number: int, _frame: FrameType | None) -> None:
-        pass
-
-    watcher = Thread(target=wait, name="script", daemon=True)
-    watcher.start()
-    before = [
-        signal.signal(number, handler)
-        for number, handler in ((signal.SIGINT, ignore), (signal.SIGTERM, terminate))
-    ]
+    Thread(target=wait, name="script", daemon=True).start()
+    before = {
+        signal.SIGINT: signal.signal(signal.SIGINT, lambda *_signal: None),
+        signal.SIGTERM: signal.signal(signal.SIGTERM, lambda *_signal: process.terminate()),
+    }
     try:
         yield lambda: status(process)
     finally:
         status(process)
-        for number, handler in zip((signal.SIGINT, signal.SIGTERM), before, strict=True):
+        for number, handler in before.items():
             signal.signal(number, handler)
 
 

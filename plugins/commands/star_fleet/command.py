@@ -11,7 +11,6 @@ from contextlib import ExitStack, contextmanager
 from errno import EADDRNOTAVAIL as NOWHERE
 from pathlib import Path
 from socket import gaierror
-from types import FrameType
 from typing import TYPE_CHECKING, Any
 
 from star_core import InputError, Mission, PluginError, Registry, load
@@ -281,16 +280,14 @@ def _of_simulator(mission: Mission, *, render: bool, capture: bool) -> dict[str,
 @contextmanager
 def _until_interrupted(fleet: Fleet) -> Iterator[None]:
     """Stop serving on SIGINT (Ctrl-C) or SIGTERM."""
-
-    def stop(_number: int, _frame: FrameType | None) -> None:
-        fleet.stop()
-
-    caught = (signal.SIGINT, signal.SIGTERM)
-    before = [signal.signal(number, stop) for number in caught]
+    before = {
+        number: signal.signal(number, lambda *_signal: fleet.stop())
+        for number in (signal.SIGINT, signal.SIGTERM)
+    }
     try:
         yield
     finally:
-        for number, handler in zip(caught, before, strict=True):
+        for number, handler in before.items():
             signal.signal(number, handler)
 
 

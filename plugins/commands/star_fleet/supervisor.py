@@ -156,11 +156,5 @@ class Supervisor:
         if flies:
             return State.FLYING
         patience = PREFLIGHT if state is State.READY else LANDED
-        return State.UNFIT if self._disarms(now - self._since > patience) else state
-
-    def _disarms(self, late: bool) -> bool:  # noqa: FBT001
-        """Whether it is disarmed by a timeout; a self-arming vehicle is rearmed at once."""
-        if late and not self._arms_itself:
-            self.armed = False
-            return True
-        return False
+        idle = now - self._since > patience and not self._arms_itself  # else it is rearmed at once
+        return State.UNFIT if idle else state
