@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -11,16 +11,6 @@ from star_import.calibration import pitch_deg
 from star_import.import_log import ImportLog, show
 
 UNUSED: Final = "has no counterpart in STAR"
-POSITIVE: Final = {
-    "max_velocity": "speed",
-    "takeoff_land_velocity": "climb",
-    "takeoff_height": "height",
-    "reached_threshold": "reached",
-    "protected_zone": "zone",
-    "maximum_yaw_change": "turn",
-    "planning_rate": "rate",
-}
-"""Attributes by their keys under ``trajectory_parameters``."""
 TOP: Final = (
     "trajectory_parameters",
     "april_tag_parameters",
@@ -73,36 +63,20 @@ def config(file: Value | None, log: ImportLog) -> Config:
     """
     if file is None:
         return Config()
-    numbers: dict[str, Any] = {}
     keys = file.map()
-    trajectory = keys.get("trajectory_parameters")
-    tags = keys.get("april_tag_parameters")
-    of_trajectory = {} if trajectory is None else trajectory.map()
-    of_tags = {} if tags is None else tags.map()
-    for key, attribute in POSITIVE.items():
-        if key in of_trajectory:
+    sections = {"": file} | {name: keys[name] for name in NUMBERS if name in keys}
+    numbers: dict[str, Any] = {}
+    for name, section in sections.items():
+        for key, (attribute, read) in NUMBERS[name].items():
             with log.collected():
-                numbers[attribute] = _positive(of_trajectory[key])
-    if "external_timeout" in keys:
-        with log.collected():
-            numbers["silence"] = _positive(keys["external_timeout"])
-    if "height_range" in of_trajectory:
-        with log.collected():
-            try:
-                low, high = of_trajectory["height_range"].numbers()
-            except ValueError:
-                raise of_trajectory["height_range"].wrong("expected two heights, m") from None
-            numbers["heights"] = (low, high)
-    with log.collected():
-        numbers |= _of_tags(of_tags)
+                if key in section.map():
+                    numbers[attribute] = read(section.map()[key])
     with log.collected():
         numbers |= _of_obstacles_and_agents(keys, log)
     log.ignore_keys(file, TOP, why=UNUSED)
-    if trajectory is not None:
-        log.ignore_keys(trajectory, {*POSITIVE, "height_range"}, "trajectory_parameters.", UNUSED)
-    if tags is not None:
-        read = {"observation_threshold", "center_origin", "camera_rotation"}
-        log.ignore_keys(tags, read, "april_tag_parameters.", UNUSED)
+    for name, section in sections.items():
+        if name:
+            log.ignore_keys(section, NUMBERS[name], f"{name}.", UNUSED)
     return Config(**numbers)
 
 
@@ -120,19 +94,36 @@ def _of_obstacles_and_agents(keys: Mapping[str, Value], log: ImportLog) -> dict[
     return {"expansion": factor.number()}
 
 
-def _of_tags(keys: Mapping[str, Value]) -> dict[str, Any]:
-    """Return the numbers about tags."""
-    numbers: dict[str, Any] = {}
-    if "observation_threshold" in keys:
-        numbers["sight"] = _positive(keys["observation_threshold"])
-    if "center_origin" in keys:
-        numbers["centred"] = keys["center_origin"].flag()
-    if "camera_rotation" in keys:
-        numbers["pitch_deg"] = pitch_deg(keys["camera_rotation"])
-    return numbers
-
-
 def _positive(value: Value) -> float:
     if (number := value.number()) <= 0:
         raise value.wrong(f"{number:g}, expected a number more than 0")
     return number
+
+
+def _heights(value: Value) -> tuple[float, float]:
+    try:
+        low, high = value.numbers()
+    except ValueError:
+        raise value.wrong("expected two heights, m") from None
+    return low, high
+
+
+NUMBERS: Final[Mapping[str, Mapping[str, tuple[str, Callable[[Value], Any]]]]] = {
+    "": {"external_timeout": ("silence", _positive)},
+    "trajectory_parameters": {
+        "max_velocity": ("speed", _positive),
+        "takeoff_land_velocity": ("climb", _positive),
+        "takeoff_height": ("height", _positive),
+        "reached_threshold": ("reached", _positive),
+        "protected_zone": ("zone", _positive),
+        "maximum_yaw_change": ("turn", _positive),
+        "planning_rate": ("rate", _positive),
+        "height_range": ("heights", _heights),
+    },
+    "april_tag_parameters": {
+        "observation_threshold": ("sight", _positive),
+        "center_origin": ("centred", Value.flag),
+        "camera_rotation": ("pitch_deg", pitch_deg),
+    },
+}
+"""Attributes by section and key, and what reads their values; those at the top by ''."""

@@ -78,10 +78,9 @@ class Sources:
     @property
     def paths(self) -> list[Path]:
         """The files that are known, each once, that with content to fly first."""
-        files = (self.mission, self.environment, self.robots, self.types, self.config, self.tags,
-                 self.capture, self.server, self.stations, self.anchors,
-                 *self.calibrations)  # fmt: skip
-        return list(dict.fromkeys([*map(path_of, filter(None, files)), *self.trajectories]))
+        single = [getattr(self, sort) for sort in ("mission", "environment", *SINGLE)]
+        known = map(path_of, filter(None, [*single, *self.calibrations]))
+        return list(dict.fromkeys([*known, *self.trajectories]))
 
 
 def path_of(file: Value) -> Path:
