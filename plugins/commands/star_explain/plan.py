@@ -52,19 +52,15 @@ def agent_names(part: Part) -> tuple[str, ...]:
     return tuple(dict.fromkeys(name for inner in part.parts for name in agent_names(inner)))
 
 
-def ending(result: StepResult) -> list[str]:
-    """Return how a step is flown, what ends it besides itself, and what its failure causes."""
-    until = [f"until {result.action.until}"] if result.action.until is not None else []
-    what = {"land": "its agents land", "continue": "the next step begins"}
-    on_board = ["flown on board: neither planner nor avoider steers"] if result.on_board else []
-    return (
-        on_board
-        + until
-        + [
-            f"if it fails, {what[result.action.on_failure]}"
-            for _ in range(result.action.on_failure != "abort")
-        ]
-    )
+def ending(result: StepResult) -> Iterator[str]:
+    """Yield how a step is flown, what ends it besides itself, and what its failure causes."""
+    if result.on_board:
+        yield "flown on board: neither planner nor avoider steers"
+    if result.action.until is not None:
+        yield f"until {result.action.until}"
+    if result.action.on_failure != "abort":
+        what = {"land": "its agents land", "continue": "the next step begins"}
+        yield f"if it fails, {what[result.action.on_failure]}"
 
 
 def _lines(part: Part) -> tuple[tuple[str, str], ...]:

@@ -73,19 +73,16 @@ class Surroundings:
                 climbs = height - start
                 least = self._least * abs(climbs)
                 if self._corrected and z - max(height, start) < least:
-                    text = (
-                        f"{agent.name} {flies} over {what} at [{x:.2f}, {y:.2f}, {z:.2f}], from "
-                        f"where a ranger measures its height: at the edge it sinks for a moment; "
-                        f"fly {least:.2f} m above it or more"
+                    effect = (
+                        f"at the edge it sinks for a moment; fly {least:.2f} m above it or more"
                     )
-                    noted.setdefault((row, what), text)
                 elif climbs != 0.0 and not self._corrected:
-                    text = (
-                        f"{agent.name} {flies} over {what} at [{x:.2f}, {y:.2f}, {z:.2f}], from "
-                        f"where a ranger measures its height: it "
-                        f"{'climbs' if climbs > 0 else 'sinks'} by {abs(climbs):.2f} m"
-                    )
-                    noted.setdefault((row, what), text)
+                    effect = f"it {'climbs' if climbs > 0 else 'sinks'} by {abs(climbs):.2f} m"
+                else:
+                    continue
+                where = f"{agent.name} {flies} over {what} at [{x:.2f}, {y:.2f}, {z:.2f}]"
+                text = f"{where}, from where a ranger measures its height: {effect}"
+                noted.setdefault((row, what), text)
         return tuple((beside | above).values())
 
     def _flown(
