@@ -41,9 +41,7 @@ TIMEOUT: Final = 0.7  # s, for an answer: 2 s after the last setpoint the motors
 START_TIMEOUT: Final = 30.0  # s, for the process to start, and between reports while connecting
 CLOSE_TIMEOUT: Final = 60.0  # s, for landings that the guardian has begun, and for closing
 EXIT_TIMEOUT: Final = 2.0  # s
-UNATTENDED_TIME: Final = (
-    10.0  # s, for which a flight without a terminal waits for landings after it
-)
+UNATTENDED_TIME: Final = 10.0  # s, for which a flight without a terminal waits for landings
 POLL_PERIOD: Final = 0.2  # s
 LAST_TAKEOFF: Final = 2.0  # s after the command, within which an agent reports to fly
 

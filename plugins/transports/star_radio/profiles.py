@@ -82,13 +82,10 @@ def reserve(ask: Ask) -> int | None:
 
 def writes(profile: bytes, memory: int) -> list[Question]:
     """Return the questions that write a profile to the memory of a number."""
-    questions = []
-    for done in range(0, len(profile), packets.MEMORY_PIECE):
-        piece = profile[done : done + packets.MEMORY_PIECE]
-        packet = packets.write_memory(memory, AT + done, piece)
-        topic = f"{TOPIC} {done}"
-        questions.append(Question.of(packet, packet[1:6], "its take-off", topic=topic))
-    return questions
+    return [
+        Question.of(packet, packet[1:6], "its take-off", topic=f"{TOPIC} {i}")
+        for i, packet in enumerate(packets.write_memory(memory, AT, profile))
+    ]
 
 
 def start(version: int) -> bytes:

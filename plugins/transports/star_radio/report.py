@@ -38,12 +38,10 @@ X, Y, Z, VX, VY, VZ, ROLL, PITCH, YAW, YAW_RATE, BATTERY, STATE, SIGNAL = range(
 """Columns returned by `Layout.read`: odometry frame, m, m/s, rad, rad/s, V, bits, dBm."""
 
 SOURCES: Final[tuple[tuple[Source, ...], ...]] = (
-    (Source("stateEstimateZ.x", _I16, 1e-3), Source("stateEstimate.x", _F16, 1.0)),
-    (Source("stateEstimateZ.y", _I16, 1e-3), Source("stateEstimate.y", _F16, 1.0)),
-    (Source("stateEstimateZ.z", _I16, 1e-3), Source("stateEstimate.z", _F16, 1.0)),
-    (Source("stateEstimateZ.vx", _I16, 1e-3), Source("stateEstimate.vx", _F16, 1.0)),
-    (Source("stateEstimateZ.vy", _I16, 1e-3), Source("stateEstimate.vy", _F16, 1.0)),
-    (Source("stateEstimateZ.vz", _I16, 1e-3), Source("stateEstimate.vz", _F16, 1.0)),
+    *(
+        (Source(f"stateEstimateZ.{axis}", _I16, 1e-3), Source(f"stateEstimate.{axis}", _F16, 1.0))
+        for axis in ("x", "y", "z", "vx", "vy", "vz")
+    ),
     (Source("stateEstimate.roll", _F16, radians(1)),),
     (Source("stateEstimate.pitch", _F16, -radians(1)),),  # positive nose up in the firmware
     (Source("stateEstimate.yaw", _F16, radians(1)),),

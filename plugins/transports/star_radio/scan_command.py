@@ -15,6 +15,7 @@ from star_core import InputError, PluginError, Registry
 from star_core.commands import add_set_option, writing
 from star_core.toolkit import log, suggestion
 from star_radio.address import RadioAddress
+from star_radio.connection.cflib_link import silence_cflib
 from star_radio.inspection import Inspection, Inspector
 from star_radio.table import aligned
 from star_radio.targets import links
@@ -96,8 +97,6 @@ def radio_links(addresses: Sequence[int] | None) -> Iterator[str]:
     """Yield the links at which the first dongle is answered, for each of the addresses."""
     import cflib.crtp
     from cflib.crtp.radiodriver import RadioDriver
-
-    from star_radio.connection.cflib_link import silence_cflib
 
     silence_cflib()
     if not cflib.crtp.CLASSES:

@@ -149,18 +149,13 @@ def upload(number: int, trajectory: Trajectory, ask: Ask, *, at: int = 0) -> Non
 
     Takes about 0.1 s per piece over radio.
     """
-    data = packed(trajectory)
-    memory = memory_number(ask)
-    offsets = range(0, len(data), packets.MEMORY_PIECE)
-    writes = [
-        packets.write_memory(memory, at + offset, data[offset : offset + packets.MEMORY_PIECE])
-        for offset in offsets
-    ]
+    writes = packets.write_memory(memory_number(ask), at, packed(trajectory))
     answers = ask([Question.of(write, write[1:6], "the trajectory memory") for write in writes])
-    for offset, answer in zip(offsets, answers, strict=True):
+    for i, answer in enumerate(answers):
         if answer[5:6] != b"\0":
+            byte = at + i * packets.MEMORY_PIECE
             raise PluginError(
-                f"byte {at + offset} of the trajectory memory is refused: {answer[5:].hex()!r}",
+                f"byte {byte} of the trajectory memory is refused: {answer[5:].hex()!r}",
                 "refused-request",
             )
     packet = orders.define_trajectory(number, len(trajectory.duration), at)

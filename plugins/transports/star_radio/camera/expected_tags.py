@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from star_core import Agent, Pose, Scene
-from star_core.toolkit import CameraModel, rotation_from_quaternion
+from star_core.toolkit import CameraModel, rotation_from_quaternion, square_corners
 
 MIN_EDGE: Final = 20.0  # px, of a tag that any detector finds; chosen, not measured
 MAX_ANGLE: Final = math.radians(60.0)  # between the view and the tag's normal, likewise
@@ -28,8 +28,8 @@ def tags_from(agent: Agent, scene: Scene) -> set[int]:
     visible = set()
     for tag in scene.world.landmarks:
         rotation = rotation_from_quaternion(tag.rotation)
-        square = 0.5 * tag.size * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
-        corners = eye.inverse().apply(square @ rotation.T + np.array(tag.position))
+        square = square_corners(tag.size) @ rotation.T + np.array(tag.position)
+        corners = eye.inverse().apply(square)
         if (corners[:, 2] <= 0).any() or not model.sees(corners).all():
             continue
         pixels = model.project(corners)

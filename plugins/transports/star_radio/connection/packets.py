@@ -8,6 +8,7 @@ Names of the protocol are in capitals; the formats are those of firmware with pr
 from __future__ import annotations
 
 import struct
+from collections.abc import Iterator
 from typing import Final, Protocol
 
 MAX_PAYLOAD: Final = 30  # bytes of payload, at most
@@ -108,9 +109,11 @@ def memory_info(number: int) -> bytes:
     return packet(MEMORY, MEMORY_INFO, bytes([2, number]))
 
 
-def write_memory(number: int, at: int, piece: bytes) -> bytes:
-    """Write up to `MEMORY_PIECE` bytes to a memory."""
-    return packet(MEMORY, MEMORY_WRITE, struct.pack("<BI", number, at) + piece)
+def write_memory(number: int, at: int, data: bytes) -> Iterator[bytes]:
+    """Write data to a memory, from byte `at` on: `MEMORY_PIECE` bytes in each packet."""
+    for start in range(0, len(data), MEMORY_PIECE):
+        head = struct.pack("<BI", number, at + start)
+        yield packet(MEMORY, MEMORY_WRITE, head + data[start : start + MEMORY_PIECE])
 
 
 class LinkDriver(Protocol):
