@@ -39,18 +39,18 @@ def star_check(mission: Mission, registry: Registry) -> Iterator[Problem]:
         for step in actions(mission.all_steps)
     )
     yield from exact_positions_only(mission, registry)
-    limits = mission.scene.limits
-    uncertain = (
-        registry.find("localizer", mission.plugins["localizer"].use).offer.drift is not None
-        and limits.uncertainty_margin > 0
-    )
     few = len(mission.scene.agents) <= MOST_COMPARED
-    drifts = uncertain and few
-    margins = uncertain and len(mission.scene.agents) > 1 and limits.separation > 0
+    margins = drifts(mission, registry) and mission.scene.limits.separation > 0
     if few or blocked or timed or margins or follows_surfaces(mission, registry):
         from star_explain.problems import problems
 
-        yield from problems(mission, registry, drifts=drifts, margins=margins)
+        yield from problems(mission, registry)
+
+
+def drifts(mission: Mission, registry: Registry) -> bool:
+    """Return whether agents keep margins for the drift of positions that a localizer announces."""
+    offer = registry.find("localizer", mission.plugins["localizer"].use).offer
+    return offer.drift is not None and mission.scene.limits.uncertainty_margin > 0
 
 
 def exact_positions_only(mission: Mission, registry: Registry) -> Iterator[Problem]:

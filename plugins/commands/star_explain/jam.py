@@ -26,11 +26,6 @@ def jam_problems(mission: Mission, registry: Registry, rehearsal: Rehearsal) -> 
     Two agents keep the separation, or twice the radius of the avoider if that is more, and while
     they pass each other the margins for their uncertain positions as well. Within the margins
     they give way to each other, which leads nowhere for an agent with others on both sides.
-
-    Args:
-        mission: The mission; its localizer announces its drift.
-        registry: Registry of its plugins.
-        rehearsal: Of the mission.
     """
     limits, scene = mission.scene.limits, mission.scene
     localizer = mission.plugins["localizer"]

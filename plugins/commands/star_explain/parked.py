@@ -32,11 +32,6 @@ def parked_problems(
     arrived, in no other mission.
     Of one that declares `AvoiderSpec.leads_around`, only agents whose goals others can enclose are
     reported.
-
-    Args:
-        mission: The mission.
-        registry: Registry of its plugins.
-        rehearsal: Of the mission, in which agents keep their distance.
     """
     scene, avoider = mission.scene, mission.plugins["avoider"]
     offer = registry.find("avoider", avoider.use).offer

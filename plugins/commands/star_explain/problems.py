@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from star_core import Mission, Problem, Registry
 from star_core.toolkit import Rehearsal
+from star_explain import MOST_COMPARED, drifts
 from star_explain.coverage import coverage_problems
 from star_explain.crowds import crowd_problems
 from star_explain.drift import drift_problems
@@ -18,9 +19,7 @@ from star_explain.results import results, steps_of
 from star_explain.variants import MAX_REACTIONS, AllFly, variants
 
 
-def problems(
-    mission: Mission, registry: Registry, *, drifts: bool, margins: bool
-) -> Iterator[Problem]:
+def problems(mission: Mission, registry: Registry) -> Iterator[Problem]:
     """Yield what rehearsals of all variants of a mission find, in the first variant that has it.
 
     A reaction that comes early can spoil steps of the mission that work if it comes when planned:
@@ -31,7 +30,7 @@ def problems(
         early = next((r for r in variant.reactions if isinstance(r.when, AllFly)), None)
         problems = [
             problem
-            for problem in _of_variant(variant, registry, drifts=drifts, margins=margins)
+            for problem in _of_variant(variant, registry)
             if (problem.path, problem.code) not in reported
         ]
         reported |= {(problem.path, problem.code) for problem in problems}
@@ -47,13 +46,11 @@ def problems(
         yield Problem(reaction.at, text, "not-rehearsed", warning=True)
 
 
-def _of_variant(
-    mission: Mission, registry: Registry, *, drifts: bool, margins: bool
-) -> Iterator[Problem]:
+def _of_variant(mission: Mission, registry: Registry) -> Iterator[Problem]:
     """Yield what a rehearsal finds: timeouts, goals, and obstacles in the way of agents or below.
 
-    If positions drift, also agents that come too near to others, obstacles or fence for that; if
-    there are margins for it, also agents that these leave no room to pass each other.
+    If positions drift, also agents that come too near to others, obstacles or fence for that, and
+    agents that the margins for it leave no room to pass each other.
     """
     avoider = registry.find("avoider", mission.plugins["avoider"].use).offer
     others = [
@@ -78,7 +75,9 @@ def _of_variant(
     yield from parked_problems(mission, registry, rehearsal)
     yield from near_obstacle_problems(mission, registry, rehearsal)
     yield from coverage_problems(mission, registry, rehearsal)
-    if drifts:
-        yield from drift_problems(mission, registry, rehearsal)
-    if margins:
-        yield from jam_problems(mission, registry, rehearsal)
+    if drifts(mission, registry):
+        n = len(mission.scene.agents)
+        if n <= MOST_COMPARED:
+            yield from drift_problems(mission, registry, rehearsal)
+        if n > 1 and mission.scene.limits.separation > 0:
+            yield from jam_problems(mission, registry, rehearsal)

@@ -20,9 +20,6 @@ class Lookout:
 
     An agent sees a target at the rate of its camera if the whole tag is in the image, its modules
     are wide enough and no obstacle is in between, with the agent level and its position exact.
-
-    Args:
-        scene: With the agents' cameras, and targets in its world.
     """
 
     def __init__(self, scene: Scene) -> None:

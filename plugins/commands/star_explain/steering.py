@@ -27,10 +27,6 @@ class Steering:
     which way agents take, and at which corner one waits for another, follows from nothing simpler.
     They import numba, which a rehearsal without obstacles does not. Agents fly straight to goals
     that the planner refuses, and to all once a plugin has failed: the checks report these.
-
-    Args:
-        mission: As it is rehearsed.
-        registry: Of its plugins.
     """
 
     def __init__(self, mission: Mission, registry: Registry) -> None:

@@ -18,10 +18,6 @@ class Uncertainty:
 
     They are computed when they are asked for, at times that grow geometrically: what the localizer
     announces is for whole paths. Between those times they are those of the last.
-
-    Args:
-        mission: As it is rehearsed.
-        registry: Of its plugins.
     """
 
     def __init__(self, mission: Mission, registry: Registry) -> None:
