@@ -115,9 +115,7 @@ class Preview:
     def picture(self) -> bytes | None:
         """Return the newest image as JPEG, the last one again if none is newer, None before one."""
         if shots := self._client.arrived():
-            image = shots[-1].image
-            if self._pixels != "gray":
-                image = gray_from_mosaic(image, self._pixels)
+            image = gray_from_mosaic(shots[-1].image, self._pixels)
             self._picture = as_jpeg(image, self.tags(image))
         return self._picture
 

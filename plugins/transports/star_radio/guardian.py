@@ -217,12 +217,8 @@ class Guardian:
         setpoint, to_map = message
         self._radio.send(setpoint)
         self._setpoint = setpoint
-        if to_map is not None:  # rows of agents that are not located are not finite
-            finite = np.isfinite(to_map.yaw) & np.isfinite(to_map.translation).all(axis=1)
-            self._to_map = Transform(
-                np.where(finite, to_map.yaw, self._to_map.yaw),
-                np.where(finite[:, None], to_map.translation, self._to_map.translation),
-            )
+        if to_map is not None:
+            self._to_map = to_map.where(to_map.known, self._to_map)
 
     def _record_in(self, folder: Path) -> None:
         self._folder = Path(folder)

@@ -113,7 +113,7 @@ def visible_tags(image: Image, agent: Agent, scene: Scene) -> set[int]:
     """Return the numbers of the map's tags in an image of an agent, by OpenCV's detector."""
     import cv2
 
-    if agent.camera is not None and agent.camera.pixels != "gray":
+    if agent.camera is not None:
         image = gray_from_mosaic(image, agent.camera.pixels)
     family = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
     numbers: Any = cv2.aruco.ArucoDetector(family).detectMarkers(image)[1]  # None without any
