@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import replace
-from functools import partial
 from operator import attrgetter
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
@@ -22,6 +21,7 @@ from star_core import (
     Setpoint,
     Status,
     Task,
+    TransportSpec,
 )
 from star_core.testing import MissionSteps, PointMasses
 from star_core.toolkit import Action, Node, Rehearsal, freeze, min_landing_time
@@ -61,7 +61,7 @@ def rehearse(mission: Mission, registry: Registry) -> Rehearsal:
     rehearsed = replace(mission.with_steps(without_timeout), scene=scene)
     runner = MissionSteps(rehearsed, registry, tasks.make)
     try:
-        return _run(rehearsed, registry, runner, tasks, _handling(mission, registry))
+        return _run(rehearsed, registry, runner, tasks)
     finally:
         runner.close()
 
@@ -94,43 +94,17 @@ class _Tasks:
         return task
 
 
-class _Handling(NamedTuple):
-    """Response of the drones to setpoints and commands.
-
-    Attributes:
-        tracking: Share of the velocity of a setpoint that they fly.
-        settling: What climbs and landings take beyond their durations, s.
-        voltage: Returns the voltages, V, of agents after times in the air, s; None if not known.
-    """
-
-    tracking: float
-    settling: Mapping[Order, float]
-    voltage: Callable[[Array], Array] | None
-
-
-def _handling(mission: Mission, registry: Registry) -> _Handling:
-    """Return how the drones of a mission fly."""
-    transport = mission.plugins["transport"]
-    spec = registry.find("transport", transport.use).offer
-    exact_control, voltage = spec.exact_control, spec.hover_voltage
-    exact = exact_control is not None and exact_control(**transport.options)
-    return _Handling(
-        1.0 if exact else SPEED_SHARE,
-        {Order.TAKEOFF: 0.0 if exact else SETTLING_TIME, Order.LAND: LANDED_DELAY},
-        None if voltage is None else partial(voltage, **transport.options),
-    )
-
-
-def _run(
-    mission: Mission, registry: Registry, runner: MissionSteps, tasks: _Tasks, handling: _Handling
-) -> Rehearsal:
+def _run(mission: Mission, registry: Registry, runner: MissionSteps, tasks: _Tasks) -> Rehearsal:
     """Run the steps until they are over."""
     scene, limits = mission.scene, mission.scene.limits
+    transport = mission.plugins["transport"]
+    spec: TransportSpec = registry.find("transport", transport.use).offer
+    exact = spec.exact_control is not None and spec.exact_control(**transport.options)
     swarm = PointMasses(
         np.array([agent.start for agent in scene.agents]),
         np.array([agent.yaw for agent in scene.agents]),
         acceleration=limits.acceleration,
-        settling=handling.settling,
+        settling={Order.TAKEOFF: 0.0 if exact else SETTLING_TIME, Order.LAND: LANDED_DELAY},
     )
     lookout, flown = Lookout(scene), np.zeros(len(scene.agents))
     steering = Steering(mission, registry)
@@ -145,10 +119,11 @@ def _run(
                 sightings = lookout.look(swarm.time, swarm.position, swarm.yaw, flies)
                 estimate = replace(estimate, sightings=sightings)
             health = swarm.health()
-            if handling.voltage is not None:
+            if spec.hover_voltage is not None:
                 airborne = FLIES.take(swarm.phase)
                 flown += TICK * airborne
-                battery = np.where(airborne, handling.voltage(flown), health.battery)
+                voltage = spec.hover_voltage(flown, **transport.options)
+                battery = np.where(airborne, voltage, health.battery)
                 health = Health.made(health.phase, battery, health.age, health.finder)
             status, instructions = runner.step(estimate, health)
         except PluginError as error:
@@ -169,7 +144,7 @@ def _run(
             swarm.command(_as_sent(command, swarm.position))
         steered = swarm.steered()
         velocity = steering.velocity(estimate, goals, steered)
-        velocity *= handling.tracking
+        velocity *= 1.0 if exact else SPEED_SHARE
         yaw = steering.heading(estimate, goals)
         swarm.send(Setpoint(velocity, yaw, goals.active & steered))
         tick += 1
