@@ -9,7 +9,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from star_core import InputError, Registry
+from star_core import InputError, Registry, load
 from star_core.toolkit import terminal_width
 from star_import.assembly import ImportOptions, assemble
 from star_import.import_log import ImportLog, as_json, table
@@ -83,7 +83,8 @@ def _imported(
         own = ImportLog()
         try:
             output = assemble(sources, options, own, registry)
-            output.check(folder)
+            with output.staged(folder) as staged:
+                load(staged, registry)
         except InputError as error:
             problems += error.problems
             log.refuse(error)

@@ -202,7 +202,7 @@ def _imported(path: Path, sources: Sources, changes: _Changes, registry: Registr
         else with_surroundings(path)[-1]
         if sources.mission
         else main.parent,
-        files=files.located(str(main)),
+        files=replace(files, origin_of_all=str(main)),
         warnings=[*log.warnings(), count],
     )
 

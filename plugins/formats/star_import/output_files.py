@@ -8,10 +8,10 @@ import shutil
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
-from star_core import InputError, Registry, load
+from star_core import InputError
 from star_import.beacons import Beacon
 from star_import.import_log import show
 from star_import.obstacles import Wall
@@ -64,15 +64,6 @@ class OutputFiles:
             for name, lines in files.items()
         }
 
-    def check(self, folder: Path) -> None:
-        """Check the files as `star check` does, before they are in `folder`.
-
-        Raises:
-            InputError: They cannot be flown; each reason has the location it was imported from.
-        """
-        with self.staged(folder) as staged:
-            load(staged, Registry())
-
     @contextmanager
     def staged(self, folder: Path) -> Iterator[Path]:
         """Write the files to a temporary folder, and yield the path of the mission there.
@@ -95,10 +86,6 @@ class OutputFiles:
                 problems = [p for p in problems if not p.startswith(str(Path(name, PROBE)))]
                 if problems:
                     raise InputError(list(dict.fromkeys(problems))) from None
-
-    def located(self, origin: str) -> OutputFiles:
-        """Return the same files, in which lines that were not imported have a location too."""
-        return replace(self, origin_of_all=origin)
 
     def origin(self, location: str, staged: Path) -> str:
         """Return where a location ``file:line:col`` of a staged file was imported from."""
