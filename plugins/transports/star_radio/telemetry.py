@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,21 +12,6 @@ from star_core.toolkit import Refusal, quaternion_from_euler
 from star_radio import report
 from star_radio.report import Layout
 from star_radio.vehicle import Vehicle
-
-
-@dataclass(frozen=True, slots=True)
-class Samples:
-    """Reports of several drones, ordered by drone and time.
-
-    Attributes:
-        agent: (K,) row of the drone.
-        time: (K,) s of the computer's clock.
-        values: (K, 13) columns of `star_radio.report`.
-    """
-
-    agent: Rows
-    time: Array
-    values: Array
 
 
 class TelemetryBuffer:
@@ -53,10 +37,10 @@ class TelemetryBuffer:
 
     def gather(self, began: float, frames: Frames, refusals: tuple[Refusal, ...] = ()) -> Telemetry:
         """Return what arrived since the last call; `began` is mission time 0 on the clock, s."""
-        samples = self._read()
-        if len(samples.agent):
-            self.last[samples.agent] = samples.values  # the newest row of each drone is last
-            self._newest = max(self._newest, float(samples.time.max()) - began)
+        agents, times, values = self._read()
+        if len(agents):
+            self.last[agents] = values  # the newest row of each drone is last
+            self._newest = max(self._newest, float(times.max()) - began)
         now = time.monotonic()
         state = np.nan_to_num(self.last[:, report.STATE]).astype(np.int64)
         active = state & int(Supervisor.COMMANDER_ACTIVE) != 0
@@ -71,7 +55,7 @@ class TelemetryBuffer:
             battery=self.last[:, report.BATTERY],
             state=state,
             age=np.array([now - vehicle.stream.sampled for vehicle in self._vehicles]),
-            odometry=odometry(samples, began),
+            odometry=odometry(agents, times - began, values),
             frames=frames,
             detections=Detections.none(),
             refusals=refusals,
@@ -88,8 +72,13 @@ class TelemetryBuffer:
             else None,
         )
 
-    def _read(self) -> Samples:
-        """Decode the reports that arrived, together for drones with the same layout."""
+    def _read(self) -> tuple[Rows, Array, Array]:
+        """Decode the reports that arrived, together for drones with the same layout.
+
+        Returns:
+            Rows of the drones, (K,); times, (K,) s of the computer's clock; values, (K, 13) columns
+            of `star_radio.report`. They are ordered by drone and time.
+        """
         agents: list[int] = []
         times: list[float] = []
         by_layout: dict[Layout, tuple[list[int], list[bytes]]] = {}
@@ -106,20 +95,26 @@ class TelemetryBuffer:
         values = np.empty((len(agents), len(report.SOURCES)))
         for layout, (indices, payloads) in by_layout.items():
             values[indices] = layout.read(payloads)
-        return Samples(np.array(agents, np.int64), np.array(times), values)
+        return np.array(agents, np.int64), np.array(times), values
 
 
-def odometry(samples: Samples, began: float) -> Odometry:
-    """Return samples since mission time 0, with velocities turned into the level body frame."""
-    kept = samples.time >= began
-    values = samples.values[kept]
+def odometry(agents: Rows, times: Array, values: Array) -> Odometry:
+    """Return samples since mission time 0, with velocities turned into the level body frame.
+
+    Args:
+        agents: (K,) rows of the drones.
+        times: (K,) mission time, s.
+        values: (K, 13) columns of `star_radio.report`.
+    """
+    kept = times >= 0
+    values = values[kept]
     yaw = values[:, report.YAW]
     cos, sin = np.cos(yaw), np.sin(yaw)
     east, north = values[:, report.VX], values[:, report.VY]
     ahead, aside = cos * east + sin * north, cos * north - sin * east
     return Odometry(
-        agent=samples.agent[kept],
-        time=samples.time[kept] - began,
+        agent=agents[kept],
+        time=times[kept],
         velocity=np.stack([ahead, aside, values[:, report.VZ]], axis=1),
         yaw_rate=values[:, report.YAW_RATE],
         roll=values[:, report.ROLL],
