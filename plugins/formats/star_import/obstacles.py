@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import accumulate
 from typing import Final
 
 from star_core import Obstacle
@@ -113,9 +114,12 @@ def _wall(name: str, spec: Value, log: ImportLog, *, flat: bool) -> Wall:
     except ValueError:
         raise height.wrong(f"{name}: expected z of the bottom and of the top, m") from None
     thickness = spec.need("thickness").number()
-    pairs = zip(numbers[::2], numbers[1::2], strict=True)
+    xs: Iterable[float] = numbers[::2]
+    ys: Iterable[float] = numbers[1::2]
+    if offsets:  # each from the point before it, the first from the origin
+        xs, ys = accumulate(xs), accumulate(ys)
     points: list[tuple[float, float]] = []
-    for point in _absolute(pairs) if offsets else pairs:
+    for point in zip(xs, ys, strict=True):
         if points and math.dist(points[-1], point) < SAME:
             log.ignored(listed.begins_at, "a point is repeated", name)
         else:
@@ -126,11 +130,3 @@ def _wall(name: str, spec: Value, log: ImportLog, *, flat: bool) -> Wall:
         points[-1] = points[0]
     log.ignore_keys(spec, READ, "obstacles.")
     return Wall(name, tuple(points), thickness, (foot, top), spec.begins_at, flat)
-
-
-def _absolute(pairs: Iterator[tuple[float, float]]) -> Iterator[tuple[float, float]]:
-    """Yield the points of offsets, each from the one before, the first from the origin."""
-    x = y = 0.0
-    for dx, dy in pairs:
-        x, y = x + dx, y + dy
-        yield x, y
