@@ -116,7 +116,7 @@ def room_problems(mission: Mission, flight: RehearsedFlight) -> Iterator[Problem
     localizer = mission.plugins["localizer"]
     time, std = flight.time, flight.std
     base, n = kept_distance(mission), len(scene.agents)
-    evades = _evasions(flight, base, limits.uncertainty_margin, limits.separation)
+    evades = _evasions(mission, flight)
     later = np.minimum(np.arange(len(time)) + round(EVASION_TIME / PERIOD), len(time) - 1)
     std = np.where(evades > 0.0, std[later], std)
     uses = np.zeros((len(time), n, n))
@@ -145,21 +145,16 @@ def room_problems(mission: Mission, flight: RehearsedFlight) -> Iterator[Problem
         )
 
 
-def _evasions(flight: RehearsedFlight, base: float, deviations: float, vertical: float) -> Array:
+def _evasions(mission: Mission, flight: RehearsedFlight) -> Array:
     """Return how far agents leave their paths to pass others: (T, N) m.
 
     Each of two agents makes way for half of what their paths lack to the distance that they keep.
-
-    Args:
-        flight: The rehearsal.
-        base: Distance that two agents keep without margins, m.
-        deviations: Number of standard deviations of the margins.
-        vertical: Difference in height from which on agents do not matter, m.
     """
+    limits, base = mission.scene.limits, kept_distance(mission)
     evades = np.zeros(flight.std.shape)
     for first, second in combinations(range(flight.std.shape[1]), 2):
-        planned, passing, level = _encounter(flight, first, second, vertical)
-        margin = deviations * (flight.std[:, first] + flight.std[:, second])
+        planned, passing, level = _encounter(flight, first, second, limits.separation)
+        margin = limits.uncertainty_margin * (flight.std[:, first] + flight.std[:, second])
         kept = base + PASSING_SHARE * np.minimum(margin, MAX_MARGIN_RATIO * base)
         aside = np.where(passing & level, np.maximum(kept - planned, 0.0) / 2, 0.0)
         for row in (first, second):
