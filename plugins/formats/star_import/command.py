@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 
 from star_core import InputError, Registry, load
-from star_core.toolkit import terminal_width
+from star_core.toolkit import suggestion, terminal_width
 from star_import.assembly import ImportOptions, assemble
 from star_import.import_log import ImportLog, as_json, table
 from star_import.output_files import OutputFiles, Room, write
@@ -78,7 +78,7 @@ def _imported(
         InputError: None can be; lists every reason.
     """
     good, problems = list[Sources](), list[str]()
-    virtual = set(options.virtual)
+    virtual, obstacles = set(options.virtual), set[str]()
     for sources in missions:
         own = ImportLog()
         try:
@@ -91,9 +91,15 @@ def _imported(
             continue
         good.append(sources)
         virtual |= output.virtual
+        obstacles |= {wall.name for wall in output.walls}
         log.notes += own.notes
     if not good:
         raise InputError(list(dict.fromkeys(problems)))
+    for flag, names in (("--virtual", options.virtual), ("--solid", options.solid)):
+        for name in sorted({*names} - obstacles - {"all"}):
+            listed = suggestion(name, sorted(obstacles), "obstacles")
+            text = f"{flag} {name}: no obstacle has this name{listed}"
+            raise InputError(text, "unknown-obstacle")
     for sources in good:
         yield assemble(sources, replace(options, virtual=virtual), ImportLog(), registry)
 

@@ -253,6 +253,14 @@ def test_solid_obstacles_with_starts_in_them_are_refused() -> None:
     assert refused.endswith(" [inside-obstacle]")
 
 
+@pytest.mark.parametrize("flag", ["--virtual", "--solid"])
+def test_obstacles_that_do_not_exist_are_refused(flag: str) -> None:
+    place("lab.yaml", OBSTACLE.format(offsets="false", points="[-1, 0, 1, 0]"))
+    place("m.yaml", 'command_sequence: ["takeoff", "wait", "all", "", ""]')
+    refused = refusals("m.yaml", "lab.yaml", "--agent", "a=0,1", flag, "obs1")
+    assert refused == [f"{flag} obs1 [unknown-obstacle]"]
+
+
 @pytest.mark.parametrize(
     ("option", "about"),
     [
