@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from star_core import AgentPhase, Array, Mask, Run
+from star_core import AgentPhase, Array, Mask, Rows, Run
 
 AIRBORNE = (AgentPhase.TAKING_OFF, AgentPhase.FLYING, AgentPhase.LANDING, AgentPhase.LOST)
 
@@ -59,36 +60,25 @@ def errors(run: Run) -> tuple[Array, Array] | None:
 
 def separation(run: Run) -> Nearest:
     """Return the distance between the two nearest agents in the air at each tick."""
-    where = np.where(airborne(run)[..., None], positions(run), np.nan)
-    first, second = np.triu_indices(where.shape[1], 1)
+    where = _in_the_air(run)
+    first, second = np.triu_indices(len(run.agents), 1)
     distance = np.linalg.norm(where[:, first] - where[:, second], axis=2)
-    least = _least(distance, axis=1)
-    if np.isnan(least).all():
-        return Nearest(least)
-    tick = int(np.nanargmin(least))
-    pair = int(np.nanargmin(distance[tick]))
-    i, j = int(first[pair]), int(second[pair])
-    text = _text(run, f"{run.agents[i]} and {run.agents[j]}", least, tick)
-    return Nearest(least, tick, where[tick, [i, j]], text)
+    names = [run.agents[j] for j in second]
+    return _nearest(run, distance, np.stack([first, second], axis=1), names)
 
 
 def clearance(run: Run) -> Nearest:
     """Return the distance from the nearest obstacle to an agent in the air at each tick."""
-    where = np.where(airborne(run)[..., None], positions(run), np.nan)
-    obstacles = run.world.obstacles
-    if not obstacles:
-        return Nearest(np.full(len(where), np.nan))
+    where = _in_the_air(run)
     finite = np.isfinite(where).all(axis=2)
-    distance = np.full((len(obstacles), *finite.shape), np.nan)
+    ticks, agents = finite.shape
+    obstacles = run.world.obstacles
+    distance = np.full((ticks, len(obstacles), agents), np.nan)
     for k, obstacle in enumerate(obstacles):
-        distance[k][finite] = obstacle.distances(where[finite])
-    least = _least(np.moveaxis(distance, 1, 0).reshape(len(where), -1), axis=1)
-    if np.isnan(least).all():
-        return Nearest(least)
-    tick = int(np.nanargmin(least))
-    k, i = divmod(int(np.nanargmin(distance[:, tick])), distance.shape[2])
-    text = _text(run, f"{run.agents[i]} and {obstacles[k].name}", least, tick)
-    return Nearest(least, tick, where[tick, [i, i]], text)
+        distance[:, k][finite] = obstacle.distances(where[finite])
+    pairs = np.tile(np.arange(agents)[:, None], (len(obstacles), 2))
+    names = [obstacle.name for obstacle in obstacles for _ in run.agents]
+    return _nearest(run, distance.reshape(ticks, len(names)), pairs, names)
 
 
 def peaks(x: Array, y: Array, most: int) -> tuple[Array, Array]:
@@ -103,11 +93,22 @@ def peaks(x: Array, y: Array, most: int) -> tuple[Array, Array]:
     return x[chosen], y[chosen]
 
 
-def _text(run: Run, names: str, least: Array, tick: int) -> str:
-    return f"{names}: {least[tick]:.2f} m at {run.arrays['time'][tick]:.2f} s"
+def _in_the_air(run: Run) -> Array:
+    """Return (T, N, 3) positions, m; NaN on the ground."""
+    return np.where(airborne(run)[..., None], positions(run), np.nan)
 
 
-def _least(values: Array, axis: int) -> Array:
-    """Return the least values along an axis; NaN where there is none."""
-    least: Array = np.where(np.isnan(values), np.inf, values).min(axis=axis, initial=np.inf)
-    return np.where(np.isinf(least), np.nan, least)
+def _nearest(run: Run, distance: Array, pairs: Rows, names: Sequence[str]) -> Nearest:
+    """Return the least of (T, K) distances, m, at each tick.
+
+    They are those of the agents in (K, 2) `pairs`, or of an agent, twice there, from an obstacle;
+    `names` are those of what is near the first of each pair.
+    """
+    least: Array = np.fmin.reduce(distance, axis=1, initial=np.nan)
+    if np.isnan(least).all():
+        return Nearest(least)
+    tick = int(np.nanargmin(least))
+    k = int(np.nanargmin(distance[tick]))
+    both = f"{run.agents[pairs[k, 0]]} and {names[k]}"
+    text = f"{both}: {least[tick]:.2f} m at {run.arrays['time'][tick]:.2f} s"
+    return Nearest(least, tick, positions(run)[tick, pairs[k]], text)
