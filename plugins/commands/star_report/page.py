@@ -106,29 +106,26 @@ def _made(run: Run) -> str:
     return footer(made(manifest, rows))
 
 
-def section(number: int, title: str, caption: str, figure: Figure, key: str = "") -> str:
-    """Return a section with the figure of a number, and the `key` of what it shows in the files."""
+def section(number: int, title: str, caption: str, figure: Figure) -> str:
+    """Return a section with the figure of a number: the replay with controls, others to save."""
     # `</` would end the script element
     data = to_json_plotly(figure).replace("</", "<\\/")
-    controls = (
-        "<p class=controls><button id=play>▶ Play</button> <input id=frame type=range min=0 "
-        "value=0 aria-label=time> <span id=clock></span> <select id=speed aria-label=speed>"
-        "<option value=1>1x<option value=4 selected>4x<option value=16>16x</select></p>"
-        if "path" in figure
-        else ""
-    )
-    save = (
-        ""
-        if "path" in figure
-        else f'<button class=save id=save{number} data-name="{file_name(title)}" '
-        'title="Save this figure as SVG">SVG</button>'
-    )
-    code = f"<code>{escape(key)}</code>" if key and key != title else ""
-    note = f"<p class=quiet>{escape(caption)}</p>" if caption else ""
+    save = controls = ""
+    if "path" in figure:
+        controls = (
+            "<p class=controls><button id=play>▶ Play</button> <input id=frame type=range min=0 "
+            "value=0 aria-label=time> <span id=clock></span> <select id=speed aria-label=speed>"
+            "<option value=1>1x<option value=4 selected>4x<option value=16>16x</select></p>"
+        )
+    else:
+        save = (
+            f'<button class=save id=save{number} data-name="{file_name(title)}" '
+            'title="Save this figure as SVG">SVG</button>'
+        )
     height = figure["layout"]["height"]
     return (
-        f"<section><h2>{escape(title)}{code}{save}</h2>{note}<div class=figure id=figure{number} "
-        f'style="height:{height}px"></div>{controls}'
+        f"<section><h2>{escape(title)}{save}</h2><p class=quiet>{escape(caption)}</p>"
+        f'<div class=figure id=figure{number} style="height:{height}px"></div>{controls}'
         f"<script type=application/json data-figure={number}>{data}</script></section>"
     )
 
