@@ -21,6 +21,7 @@ from star_verbs.positions import (
 if TYPE_CHECKING:
     from star_core import Scene, Task
     from star_verbs.follow.tracking_error import TrackingError
+    from star_verbs.follow.trajectory import PolynomialPath
 
 TRAJECTORIES: Final = ("timed", "poly7")  # formats, flown in their own time
 FOR_TRAJECTORIES: Final = ("timescale", "relative", "on_board")
@@ -141,7 +142,6 @@ def check(scene: Scene, rows: tuple[int, ...], **options: Any) -> Iterator[Probl
 def goals(scene: Scene, rows: tuple[int, ...], **options: Any) -> Iterator[StepGoal]:
     """Yield the positions along each agent's line; a relative trajectory's are not known."""
     from star_verbs.follow import routes, trajectory
-    from star_verbs.follow.files import read_trajectory
 
     key = "file" if "file" in options else "path"
     if options["format"] not in TRAJECTORIES:
@@ -149,11 +149,10 @@ def goals(scene: Scene, rows: tuple[int, ...], **options: Any) -> Iterator[StepG
     elif trajectory.is_relative(options):
         return
     else:
-        name = options["file"]
-        samples = trajectory.Samples.of(read_trajectory(scene.file(name), name, options["format"]))
-        shifts = offsets(len(rows), options["spacing"])
+        samples = trajectory.Samples.of(_trajectory(scene, options))
+        shifts, file = offsets(len(rows), options["spacing"]), options["file"]
         start_only = options["on_board"]  # not planned from there on
-        labelled = trajectory.labelled_positions(samples, shifts, name, start_only=start_only)
+        labelled = trajectory.labelled_positions(samples, shifts, file, start_only=start_only)
     yield from (StepGoal((key,), position, label) for label, position in labelled)
 
 
@@ -161,18 +160,21 @@ def expects(scene: Scene, _rows: tuple[int, ...], **options: Any) -> Iterator[st
     """Yield the error with which drones are expected to follow a trajectory."""
     if options["format"] not in TRAJECTORIES:
         return
-    error = _tracking_error(scene, options)
+    error = _tracking_error(_trajectory(scene, options), scene, options)
     where = " on board" if options["on_board"] else ""
     yield f"{options['file']}{where} followed within {error.rms:.2f} m RMS, besides drift"
 
 
-def _tracking_error(scene: Scene, options: dict[str, Any]) -> TrackingError:
+def _trajectory(scene: Scene, options: dict[str, Any]) -> PolynomialPath:
     from star_verbs.follow.files import read_trajectory
+
+    return read_trajectory(scene.file(options["file"]), options["file"], options["format"])
+
+
+def _tracking_error(path: PolynomialPath, scene: Scene, options: dict[str, Any]) -> TrackingError:
     from star_verbs.follow.tracking_error import tracking_error
 
-    name, on_board = options["file"], options["on_board"]
-    path = read_trajectory(scene.file(name), name, options["format"])
-    return tracking_error(path, options["timescale"], scene.period, on_board=on_board)
+    return tracking_error(path, options["timescale"], scene.period, on_board=options["on_board"])
 
 
 SPEC: Final = TaskSpec(
@@ -237,9 +239,9 @@ def _route_problems(scene: Scene, agents: int, options: dict[str, Any]) -> Itera
         yield Problem((key,), fault, "unreachable-goal")
 
 
-def _imprecise(scene: Scene, options: dict[str, Any]) -> Iterator[Problem]:
+def _imprecise(path: PolynomialPath, scene: Scene, options: dict[str, Any]) -> Iterator[Problem]:
     """Warn of the error with which drones are expected to follow a trajectory, if it is large."""
-    error = _tracking_error(scene, options)
+    error = _tracking_error(path, scene, options)
     if error.rms > MAX_ERROR:
         hint = "or on_board: false makes" if options["on_board"] else "makes"
         message = (
@@ -253,10 +255,8 @@ def _imprecise(scene: Scene, options: dict[str, Any]) -> Iterator[Problem]:
 def _trajectory_problems(scene: Scene, agents: int, options: dict[str, Any]) -> Iterator[Problem]:
     """Check a trajectory; where a relative one leads is checked when it begins."""
     from star_verbs.follow import trajectory
-    from star_verbs.follow.files import read_trajectory
 
-    name = options["file"]
-    path = read_trajectory(scene.file(name), name, options["format"])
+    name, path = options["file"], _trajectory(scene, options)
     size = len(path.lines) * PIECE_SIZE
     if options["on_board"] and size > MEMORY:
         message = (
@@ -272,7 +272,7 @@ def _trajectory_problems(scene: Scene, agents: int, options: dict[str, Any]) -> 
     for fault in too_fast:
         yield Problem(("file",), fault, "out-of-range")
     if not too_fast:
-        yield from _imprecise(scene, options)
+        yield from _imprecise(path, scene, options)
     if trajectory.is_relative(options):
         faults = trajectory.extent_faults(scene, samples, name)
     else:
