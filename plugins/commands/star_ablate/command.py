@@ -158,10 +158,9 @@ def _fly(
         output, limit = folder / "log.txt", study.time_limit
         flights = engine.fly_all(jobs, output, limit, stopped=lambda: bool(interrupts))
         progress = StudyProgress(study.name, len(runs), len(results_by_key), engine.size)
-        unchecked = bool(study.undeclared)
+        unchecked = journal.sample is None
         if journal.sample is not None:
             _require_measures(study, journal.sample)
-            unchecked = False
         error: StarError | None = None
         with progress, closing(flights):
             try:

@@ -6,6 +6,7 @@ import json
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import combinations
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
@@ -89,14 +90,11 @@ def merged(runs: Sequence[Run], folders: Sequence[Path]) -> dict[str, Result]:
 
 def _doubled(shards: Mapping[Path, Shard]) -> Iterator[str]:
     """Yield the pairs of folders with common runs."""
-    folders = list(shards)
-    for i, first in enumerate(folders):
-        for second in folders[i + 1 :]:
-            shard, other = shards[first], shards[second]
-            if (shard.number - other.number) % math.gcd(shard.total, other.total) == 0:
-                twice = f"{shard} is there twice"
-                both = twice if shard == other else f"{shard} and {other} overlap"
-                yield f"{both}: {first}, {second}"
+    for (first, shard), (second, other) in combinations(shards.items(), 2):
+        if (shard.number - other.number) % math.gcd(shard.total, other.total) == 0:
+            twice = f"{shard} is there twice"
+            both = twice if shard == other else f"{shard} and {other} overlap"
+            yield f"{both}: {first}, {second}"
 
 
 def _missing(shards: Mapping[Path, Shard]) -> Iterator[str]:
