@@ -179,10 +179,17 @@ class Happened(Condition):
 
 
 @dataclass(frozen=True, slots=True)
-class AnyOf(Condition):
-    """At least one of several conditions holds."""
-
+class _Several(Condition):
     conditions: tuple[Condition, ...]
+
+    @property
+    def parts(self) -> tuple[Condition, ...]:
+        return self.conditions
+
+
+@dataclass(frozen=True, slots=True)
+class AnyOf(_Several):
+    """At least one of several conditions holds."""
 
     def holds(self, now: ConditionContext) -> bool:
         return any(condition.holds(now) for condition in self.conditions)
@@ -190,16 +197,12 @@ class AnyOf(Condition):
     def holds_from(self, others: float) -> float:
         return min(condition.holds_from(others) for condition in self.conditions)
 
-    @property
-    def parts(self) -> tuple[Condition, ...]:
-        return self.conditions
-
     def __str__(self) -> str:
         return f"({' or '.join(map(str, self.conditions))})"
 
 
 @dataclass(frozen=True, slots=True)
-class AllOf(Condition):
+class AllOf(_Several):
     """All of several conditions hold.
 
     >>> some = AllOf((AnyOf((TargetFound(1), Elapsed(30))), Elapsed(5)))
@@ -207,17 +210,11 @@ class AllOf(Condition):
     (5.0, 30.0)
     """
 
-    conditions: tuple[Condition, ...]
-
     def holds(self, now: ConditionContext) -> bool:
         return all(condition.holds(now) for condition in self.conditions)
 
     def holds_from(self, others: float) -> float:
         return max((condition.holds_from(others) for condition in self.conditions), default=0.0)
-
-    @property
-    def parts(self) -> tuple[Condition, ...]:
-        return self.conditions
 
     def __str__(self) -> str:
         return f"({' and '.join(map(str, self.conditions))})"
