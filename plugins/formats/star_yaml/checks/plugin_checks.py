@@ -79,24 +79,21 @@ class PluginChecks:
         if wrong or not goals:
             return [], wrong
         world = self._scene.world
-        faults: list[tuple[str, str] | None] = [
-            (fault, position_code(self._scene, goal.position)) if fault else None
-            for goal in goals
-            for fault in [world.fault(goal.position)]
-        ]
-        free = [i for i, fault in enumerate(faults) if fault is None]
+        faults = {
+            i: (fault, position_code(self._scene, goal.position))
+            for i, goal in enumerate(goals)
+            if (fault := world.fault(goal.position))
+        }
+        free = [i for i in range(len(goals)) if i not in faults]
         refused, wrong = self._refused([goals[i].position for i in free])
         for refusal in refused:
-            index = int(refusal.path[0])
-            x, y, z = goals[free[index]].position
-            faults[free[index]] = (
-                f"goal [{x:g}, {y:g}, {z:g}] {refusal.message}",
-                "unreachable-goal",
-            )
+            index = free[int(refusal.path[0])]
+            x, y, z = goals[index].position
+            message = f"goal [{x:g}, {y:g}, {z:g}] {refusal.message}"
+            faults[index] = message, "unreachable-goal"
         by_path: dict[Location, dict[str, tuple[str, str]]] = {}  # by path, the first of each label
-        for goal, fault in zip(goals, faults, strict=True):
-            if fault is not None:
-                by_path.setdefault(goal.path, {}).setdefault(goal.label, fault)
+        for index in sorted(faults):
+            by_path.setdefault(goals[index].path, {}).setdefault(goals[index].label, faults[index])
         return [_first(path, by_label) for path, by_label in by_path.items()], wrong
 
     def _refused(self, goals: list[tuple[float, float, float]]) -> _Answer:
