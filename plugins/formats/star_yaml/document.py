@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -85,6 +85,15 @@ class Document:
             return (False, int(match[1]), int(match[2])) if match else (True, 0, 0)
 
         return sorted(dict.fromkeys(problems), key=order)
+
+
+def mapped(value: Value, change: Callable[[Value], Value]) -> Value:
+    """Return a map or a list with each of its values changed; anything else as it is."""
+    if isinstance(value.data, dict):
+        return replace(value, data={key: change(item) for key, item in value.data.items()})
+    if isinstance(value.data, list):
+        return replace(value, data=[change(item) for item in value.data])
+    return value
 
 
 def unknown_name(path: Location, what: str, name: str, names: Iterable[str], code: str) -> Problem:

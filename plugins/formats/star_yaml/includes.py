@@ -11,7 +11,7 @@ from star_core import InputError, Registry
 from star_core.formats import Value, coded, inside
 from star_core.toolkit import suggestion
 from star_yaml import schema
-from star_yaml.document import Document
+from star_yaml.document import Document, mapped
 from star_yaml.schema import SIGN
 from star_yaml.scopes import Findings, Scope, parameters
 
@@ -126,13 +126,7 @@ class _Files:
         """
         if _is_include(value):
             return self._included(value, chain)
-        if isinstance(value.data, dict):
-            return replace(
-                value, data={k: self.steps(item, chain) for k, item in value.data.items()}
-            )
-        if isinstance(value.data, list):
-            return replace(value, data=[self.steps(item, chain) for item in value.data])
-        return value
+        return mapped(value, lambda item: self.steps(item, chain))
 
     def _included(self, step: Value, chain: tuple[Path, ...]) -> Value:
         include = step.need("include")

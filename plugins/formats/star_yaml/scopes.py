@@ -13,6 +13,7 @@ from typing import Final
 from star_core import InputError
 from star_core.formats import Mark, Value, coded, shown
 from star_core.toolkit import suggestion
+from star_yaml.document import mapped
 from star_yaml.expressions import OPENING, ExpressionError, evaluate
 from star_yaml.schema import SIGN, is_parameter
 
@@ -100,13 +101,11 @@ class Scope:
         self._findings.made(value.location)
         if _has_values_of_agents(value):
             return self._expanded(value)
-        if isinstance(value.data, dict):
-            return replace(value, data={key: self.fill(item) for key, item in value.data.items()})
         if isinstance(value.data, list):
             return self._list(value)
         if isinstance(value.data, str) and value.data.startswith(OPENING):
             return self._computed(value)
-        return self._replaced(value) if is_parameter(value.data) else value
+        return self._replaced(value) if is_parameter(value.data) else mapped(value, self.fill)
 
     def find(self, name: str, at: Mark) -> Value:
         """Return the value of a name that is used somewhere.
@@ -206,11 +205,7 @@ class Scope:
     def _used(self, value: Value, at: Mark) -> Value:
         """Return a value that is used elsewhere, with both locations."""
         self._findings.made(at)
-        data = value.data
-        if isinstance(data, dict):
-            data = {key: self._used(item, at) for key, item in data.items()}
-        elif isinstance(data, list):
-            data = [self._used(item, at) for item in data]
+        data = mapped(value, lambda item: self._used(item, at)).data
         return Value(data, value.location.used_at(at), value.key.used_at(at))
 
 
