@@ -47,14 +47,12 @@ def for_editors(schema: dict[str, Any], *, parameters: bool = False) -> dict[str
     """
     _entitle(schema, schema)
     if parameters:
-        for key in ("properties", "$defs"):
-            schema[key] = {
-                name: rules
-                if (key, name) in {("properties", key) for key in _UNNAMED}
-                else admitting(rules)
-                for name, rules in schema[key].items()
-            }
-        schema["$defs"]["named_value"] = NAMED_VALUE
+        schema["properties"] = {
+            name: rules if name in _UNNAMED else admitting(rules)
+            for name, rules in schema["properties"].items()
+        }
+        definitions = {name: admitting(rules) for name, rules in schema["$defs"].items()}
+        schema["$defs"] = {**definitions, "named_value": NAMED_VALUE}
     return schema
 
 
