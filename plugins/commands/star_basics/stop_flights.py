@@ -60,23 +60,9 @@ def run(options: Namespace, _registry: Registry) -> int:
     """Land the agents, print what lands and return the exit status.
 
     Raises:
-        InputError: As `stop_flights`.
-    """
-    status, lines = stop_flights(options.name, list_only=options.list)
-    print(*lines, sep="\n", file=sys.stderr if status else sys.stdout)
-    return status
-
-
-def stop_flights(name: str | None = None, *, list_only: bool = False) -> tuple[int, list[str]]:
-    """Land the agents of running flights; return the exit status, and lines to print.
-
-    Args:
-        name: Of a mission, or number of a process, to land only these; None for all flights.
-        list_only: List the flights in place of landing them.
-
-    Raises:
         InputError: Others can open a folder of sockets; other folders were searched before.
     """
+    name, list_only = options.name, options.list
     folders, refused = _folders()
     sockets = [path for folder in folders for path in _entries(folder)]
     with ThreadPoolExecutor(PARALLEL) as pool:
@@ -97,8 +83,10 @@ def stop_flights(name: str | None = None, *, list_only: bool = False) -> tuple[i
         what = "no flight is running" if name is None else f"no flight of {name!r} is running"
         others = ", ".join(f"{reply.mission} (process {reply.process})" for reply in replies)
         searched = ", ".join(f"'{folder}'" for folder in folders) or "no folder"
-        return 1, [f"{what}; running: {others}" if others else f"{what}; searched: {searched}"]
-    return status, lines
+        status = 1
+        lines = [f"{what}; running: {others}" if others else f"{what}; searched: {searched}"]
+    print(*lines, sep="\n", file=sys.stderr if status else sys.stdout)
+    return status
 
 
 def _folders() -> tuple[list[Path], list[InputError]]:
