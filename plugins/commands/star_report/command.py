@@ -37,7 +37,8 @@ def write(folder: Path, out: Path | None = None) -> WrittenReport:
     Tables, statistics and figures of a study are written beside its page, unless that is elsewhere.
 
     Raises:
-        InputError: The folder holds no complete record, or the page cannot be written.
+        InputError: The folder holds no complete record, the page cannot be written, or the package
+            that draws is not installed.
     """
     path = out or folder / "report.html"
     with Progress(f"drawing the report of {folder}"), writing(path):
@@ -50,25 +51,16 @@ def write(folder: Path, out: Path | None = None) -> WrittenReport:
             if out is None:
                 write_tables(study, folder)
         else:
-            text = _page(folder)
+            require_plotly()
+            from star_report.page import page as page_of_flight
+
+            text = page_of_flight(read_run(folder, flown=True))
             written = WrittenReport(path)
         if out is None:  # the folder may be of others
             replace_file(path, text)
         else:
             path.write_text(text, encoding="utf-8")
     return written
-
-
-def _page(folder: Path) -> str:
-    """Return the page of a run.
-
-    Raises:
-        InputError: The folder holds none, or the package that draws is not installed.
-    """
-    require_plotly()
-    from star_report.page import page
-
-    return page(read_run(folder, flown=True))
 
 
 def configure(line: argparse.ArgumentParser) -> None:

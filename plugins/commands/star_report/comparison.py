@@ -90,7 +90,7 @@ def _marginal_means(study: Study) -> Iterator[_Sample]:
             levels = study.levels(name)
             others = _others(cells, [names.index(name)], [(level,) for level in levels])
             for level in levels if others else ():
-                at = [_with(other, [(names.index(name), level)]) for other in others]
+                at = [_with(other, [names.index(name)], (level,)) for other in others]
                 blocks = _common(cells, at)
                 averages = [float(np.mean([cells[cell][b] for cell in at])) for b in blocks]
                 runs = [cells[cell][block] for cell in at for block in blocks]
@@ -133,9 +133,7 @@ def _contrasts(cells: Cells, at: Sequence[int], corners: Sequence[Levels]) -> li
     others = _others(cells, at, corners)
     if not others:
         return None
-    groups = [
-        [_with(other, zip(at, corner, strict=True)) for other in others] for corner in corners
-    ]
+    groups = [[_with(other, at, corner) for other in others] for corner in corners]
     return [
         float(sum(sign * np.mean([cells[cell][block] for cell in group])
                   for sign, group in zip(signs, groups, strict=True)))
@@ -151,12 +149,12 @@ def _others(cells: Cells, at: Sequence[int], corners: Sequence[Levels]) -> list[
     return [
         levels
         for levels in by_others.values()
-        if all(_with(levels, zip(at, corner, strict=True)) in cells for corner in corners)
+        if all(_with(levels, at, corner) in cells for corner in corners)
     ]
 
 
-def _with(levels: Levels, changes: Iterator[tuple[int, str]] | Sequence[tuple[int, str]]) -> Levels:
-    changed = dict(changes)
+def _with(levels: Levels, at: Sequence[int], corner: Levels) -> Levels:
+    changed = dict(zip(at, corner, strict=True))
     return tuple(changed.get(i, level) for i, level in enumerate(levels))
 
 

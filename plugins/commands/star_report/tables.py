@@ -227,7 +227,7 @@ def latex(table: ReportTable) -> str:
     """Return a table as an environment of LaTeX; it needs the package ``booktabs``."""
     keys = [f"\\texttt{{{_tex(key)}}}" if key else "" for _, key in table.measures]
     heads = [*map(_tex, table.names), *(_tex(name) for name, _ in table.measures)]
-    lines = [heads, ["", *[""] * (len(table.names) - 1), *keys]] if any(keys) else [heads]
+    lines = [heads, [*[""] * len(table.names), *keys]] if any(keys) else [heads]
     rows = [
         [f"\\textbf{{{_tex(cell)}}}" if isinstance(cell, Strong) else _tex(cell) for cell in row]
         for row in table.rows
