@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Final, NamedTuple, cast
+from typing import TYPE_CHECKING, Final, NamedTuple, TypeAlias, cast
 
 from star_core import InputError, Mission, Registry, Run, StarError, World, fly, load, read_run
 from star_core.commands import add_set_option, completes, mission_names
@@ -25,6 +25,9 @@ if TYPE_CHECKING:
     from star_view.plan_scene import PlannedStep
 
 PERIOD: Final = 0.5  # s, between looks at the files
+
+Served: TypeAlias = "tuple[Page, Callable[[Callable[[], bool]], None]]"
+"""A page and its loop, which takes a function that returns whether the loop is to end."""
 
 
 def run(options: argparse.Namespace, registry: Registry) -> int:
@@ -66,12 +69,11 @@ class Shown(NamedTuple):
 
     Attributes:
         files: Files that it is made of; it is made again when one is saved.
-        open: ``open(port, token)`` serves a page; returns it and its loop, which takes a function
-            that returns whether the loop is to end.
+        open: ``open(port, token)`` serves a page.
     """
 
     files: Sequence[Path]
-    open: Callable[[int, str | None], tuple[Page, Callable[[Callable[[], bool]], None]]]
+    open: Callable[[int, str | None], Served]
 
 
 def _again(path: Path, assignments: Sequence[str], registry: Registry) -> Shown | None:
@@ -118,9 +120,7 @@ def _replayed(
     avoider = run.manifest["plugins"]["avoider"]
     kept_free = radius(avoider["name"], avoider["options"], registry)
 
-    def open_replay(
-        port: int, token: str | None
-    ) -> tuple[Page, Callable[[Callable[[], bool]], None]]:
+    def open_replay(port: int, token: str | None) -> Served:
         viewer = Replay(run, kept_free, port=port, token=token)
         if plan is not None:
             add_plan(viewer.server, run.swarm, plan)
@@ -143,9 +143,7 @@ def _world(path: Path, registry: Registry) -> World | None:
     return cast("World", world)
 
 
-def _open_world(
-    world: World, port: int, token: str | None
-) -> tuple[Page, Callable[[Callable[[], bool]], None]]:
+def _open_world(world: World, port: int, token: str | None) -> Served:
     """Serve a page with a world alone."""
     from star_view.page import add_dark_switch, open_page
 

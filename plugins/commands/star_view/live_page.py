@@ -11,6 +11,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from dataclasses import replace
 from multiprocessing.connection import Connection
 from typing import Any, Final
 
@@ -114,7 +115,7 @@ class LivePage:
         self._trail.append(now)
         while self._trail[0].time < now.time - TRAIL:
             self._trail.popleft()
-        return now.with_trail([snapshot.position for snapshot in self._trail])
+        return replace(now, trail=np.array([snapshot.position for snapshot in self._trail]))
 
     def _add_controls(self, gui: viser.GuiApi, speed: float | None) -> None:
         self._status = gui.add_markdown("the flight begins")

@@ -16,11 +16,10 @@ from star_view.footprints import footprint
 from star_view.markdown import escaped
 from star_view.names import Name
 from star_view.page import Page
-from star_view.swarm_scene import Footprint, color_of, dashes, segments, switch
+from star_view.swarm_scene import CIRCLE, Footprint, color_of, dashes, segments, switch
 
 PAD: Final = 0.15  # m, radius of a pad
 PAD_HEIGHT: Final = 0.004  # m above the floor, so that the floor does not shine through
-CIRCLE: Final = np.linspace(0.0, 2 * np.pi, 33)
 MAX_LABELS: Final = 40  # of steps: more hide the scene
 WIDTH: Final = 1.5  # px
 
@@ -42,11 +41,7 @@ class PlannedStep(NamedTuple):
 def planned_steps(mission: Mission, registry: Registry) -> list[PlannedStep]:
     """Return the steps of a rehearsal, each once, in the order of the mission.
 
-    None if no plugin rehearses missions.
-
-    Args:
-        mission: To rehearse.
-        registry: Of the plugins.
+    There are none if no plugin rehearses missions.
     """
     rehearsal = registry.manager.hook.star_rehearse(mission=mission, registry=registry)
     if rehearsal is None:
@@ -130,7 +125,6 @@ def _add_pad(
             cast_shadow=False, receive_shadow=False,
         )  # fmt: skip
     else:
-        ring = PAD * np.stack([np.cos(CIRCLE), np.sin(CIRCLE), 0 * CIRCLE], axis=1)
         page.add_line_segments(
-            name, segments(middle + ring), color, thickness=WIDTH, thickness_units="screen"
+            name, segments(middle + PAD * CIRCLE), color, thickness=WIDTH, thickness_units="screen"
         )

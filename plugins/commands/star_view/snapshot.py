@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final, Self
 
 import numpy as np
@@ -79,10 +79,6 @@ class Snapshot:
             doing=tick.doing,
             simulated=truth is not None,
         )
-
-    def with_trail(self, positions: Sequence[Array]) -> Self:
-        """Return the same with a trail of these positions, (N, 3) each, m."""
-        return replace(self, trail=np.array(positions))
 
     def states(self, names: Sequence[str]) -> str:
         """Return phase, height and battery of each agent as a table in Markdown."""

@@ -27,7 +27,9 @@ MIN_SEMIAXIS: Final = 0.005  # m, of an ellipsoid that can be seen
 VELOCITY_SCALE: Final = 0.5  # s: length of an arrow over its velocity
 MIN_SPEED: Final = 0.02  # m/s, of an arrow that can be seen
 GOAL: Final = 0.07  # m, from the middle of the cross at a goal to its ends
-CIRCLE: Final = np.linspace(0.0, math.tau, 33)
+CIRCLE: Final = np.array(
+    [(math.cos(angle), math.sin(angle), 0.0) for angle in np.linspace(0.0, math.tau, 33)]
+)  # closed, of radius 1
 PALETTE: Final = (
     (0, 114, 178), (213, 94, 0), (0, 158, 115), (204, 121, 167), (230, 159, 0), (86, 180, 233),
     (90, 90, 90), (160, 140, 0),
@@ -79,9 +81,8 @@ class SwarmScene:
                 self.footprints[row] = Footprint(page, f"/footprints/{agent.name}", row)
             self._add_estimate(agent.name, color)
             if radius is not None:
-                ring = np.stack([np.cos(CIRCLE), np.sin(CIRCLE), 0 * CIRCLE], axis=1) * radius
                 self._rings.append(_add_lines(page, f"radii/{agent.name}", color, 1.0))
-                self._rings[-1].points = segments(ring)
+                self._rings[-1].points = segments(radius * CIRCLE)
             for layer, width in LINE_WIDTHS.items():
                 handle = _add_lines(page, f"{layer}/{agent.name}", color, width)
                 self._lines[layer].append(_Lines(handle))
