@@ -59,8 +59,7 @@ def read_waypoints(path: Path, file: str) -> Waypoints:
     """
     points = _read_table(path, file, REQUIRED)
     if len({tuple(row[key] for key in REQUIRED) for row in points.values()}) < 2:  # noqa: PLR2004 -- a line has two ends
-        message = f"{file}: has {len(points)} points, expected at least 2 that differ"
-        raise InputError(message, code="invalid-trajectory")
+        raise _invalid(f"{file}: has {len(points)} points, expected at least 2 that differ")
     return Waypoints(
         point=tuple((row["x"], row["y"], row["z"]) for row in points.values()),
         yaw_deg=tuple(row["yaw_deg"] for row in points.values() if "yaw_deg" in row),
@@ -93,8 +92,7 @@ def _read_timed(path: Path, file: str) -> PolynomialPath:
     points = _read_table(path, file, ("t", *REQUIRED))
     lines, rows = list(points), list(points.values())
     if not 2 <= len(rows) <= MAX_PIECES + 1:  # noqa: PLR2004 -- a line has two ends
-        message = f"{file}: has {len(rows)} points, expected 2 to {MAX_PIECES + 1}"
-        raise InputError(message, code="invalid-trajectory")
+        raise _invalid(f"{file}: has {len(rows)} points, expected 2 to {MAX_PIECES + 1}")
     problems = [
         f"{file}:{line}: t is {row['t']:g} s after {before['t']:g} s, expected it to rise by "
         f"{MIN_STEP:g} s or more"
@@ -104,7 +102,7 @@ def _read_timed(path: Path, file: str) -> PolynomialPath:
     if rows[-1]["t"] - rows[0]["t"] > MAX_DURATION:
         problems.append(f"{file}:{lines[-1]}: t is more than {MAX_DURATION:g} s after the first")
     if problems:
-        raise InputError(problems, code="invalid-trajectory")
+        raise _invalid(problems)
     turns = "yaw_deg" in rows[0]
     yaw = np.unwrap(np.radians([row.get("yaw_deg", 0.0) for row in rows]))
     state = np.column_stack([[[row[key] for key in REQUIRED] for row in rows], yaw])
@@ -123,21 +121,13 @@ def _read_polynomials(path: Path, file: str) -> PolynomialPath:
     """
     rows = [(line, _without_trailing_commas(row)) for line, row in _read_rows(path, file)]
     if len(rows) < 2:  # noqa: PLR2004 -- a header and a piece
-        raise InputError(
-            f"{file}: has no piece, expected a header and one line per piece",
-            code="invalid-trajectory",
-        )
+        raise _invalid(f"{file}: has no piece, expected a header and one line per piece")
     header = tuple(cell.strip(" #\t").lower() for cell in rows[0][1])
     if header != PIECE_COLUMNS:
         expected = f"{PIECE_COLUMNS[0]},{PIECE_COLUMNS[1]},…,{PIECE_COLUMNS[-1]}"
-        raise InputError(
-            f"{file}:{rows[0][0]}: expected the header {expected}", code="invalid-trajectory"
-        )
+        raise _invalid(f"{file}:{rows[0][0]}: expected the header {expected}")
     if len(rows) - 1 > MAX_PIECES:
-        raise InputError(
-            f"{file}: has {len(rows) - 1} pieces, expected {MAX_PIECES} at most",
-            code="invalid-trajectory",
-        )
+        raise _invalid(f"{file}: has {len(rows) - 1} pieces, expected {MAX_PIECES} at most")
     lines, values, problems = [], [], []
     for line, row in rows[1:]:
         named, faults = _numbers(PIECE_COLUMNS, row, MAX_COEFFICIENT)
@@ -154,7 +144,7 @@ def _read_polynomials(path: Path, file: str) -> PolynomialPath:
             for piece, message in _piece_faults(duration, coefficients)
         ]
     if problems:
-        raise InputError(problems, code="invalid-trajectory")
+        raise _invalid(problems)
     return PolynomialPath(duration, coefficients, lines)
 
 
@@ -163,20 +153,23 @@ def _read_table(path: Path, file: str, required: Sequence[str]) -> dict[int, dic
     rows = _read_rows(path, file)
     expected = (*required, "yaw_deg")
     if not rows:
-        message = f"{file}: is empty, expected a header with columns {_listed(expected)}"
-        raise InputError(message, code="invalid-trajectory")
+        raise _invalid(f"{file}: is empty, expected a header with columns {_listed(expected)}")
     line, header = rows[0]
     columns = [cell.strip() for cell in header]
     problems = [f"{file}:{line}: {message}" for message in _header_faults(columns, expected)]
     if problems:
-        raise InputError(problems, code="invalid-trajectory")
+        raise _invalid(problems)
     numbers: dict[int, dict[str, float]] = {}
     for line, row in rows[1:]:
         numbers[line], faults = _numbers(columns, row)
         problems += [f"{file}:{line}: {message}" for message in faults]
     if problems:
-        raise InputError(problems, code="invalid-trajectory")
+        raise _invalid(problems)
     return numbers
+
+
+def _invalid(problems: str | Sequence[str]) -> InputError:
+    return InputError(problems, code="invalid-trajectory")
 
 
 def _read_rows(path: Path, file: str) -> list[tuple[int, list[str]]]:
