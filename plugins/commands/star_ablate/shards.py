@@ -10,6 +10,7 @@ from itertools import combinations
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
+from star_ablate.basis import differences
 from star_ablate.flight import Result
 from star_ablate.journal import JOURNAL, changes, entries
 from star_ablate.study import Run
@@ -137,8 +138,7 @@ def _report_versions(abouts: Mapping[Path, Mapping[str, Any]]) -> None:
         versions = _versions(other)
         different = [
             f"{name} {versions.get(name)}, not {expected.get(name)}"
-            for name in {**expected, **versions}
-            if versions.get(name) != expected.get(name)
+            for name in differences(expected, versions)
         ]
         if different:
             log(
