@@ -17,6 +17,7 @@ from star_view.markdown import escaped
 from star_view.names import Name
 from star_view.page import Page
 from star_view.swarm_scene import CIRCLE, Footprint, color_of, dashes, segments, switch
+from star_view.world_scene import add_lines
 
 PAD: Final = 0.15  # m, radius of a pad
 PAD_HEIGHT: Final = 0.004  # m above the floor, so that the floor does not shine through
@@ -66,13 +67,7 @@ def add_plan(server: Page, agents: Sequence[Agent], steps: Sequence[PlannedStep]
         for name, path in step.paths.items():
             ends[name], color = path[-1], color_of(names.index(name))
             if len(path) > 1:
-                page.add_line_segments(
-                    f"/plan/{number}/{name}",
-                    dashes(path),
-                    color,
-                    thickness=WIDTH,
-                    thickness_units="screen",
-                )
+                add_lines(page, f"/plan/{number}/{name}", dashes(path), color, WIDTH)
                 x, y, z = path[-1].round(1).tolist()
                 labels.setdefault((x, y, z), []).append(f"{number} {step.verb}")
     server.names += [
@@ -125,6 +120,4 @@ def _add_pad(
             cast_shadow=False, receive_shadow=False,
         )  # fmt: skip
     else:
-        page.add_line_segments(
-            name, segments(middle + PAD * CIRCLE), color, thickness=WIDTH, thickness_units="screen"
-        )
+        add_lines(page, name, segments(middle + PAD * CIRCLE), color, WIDTH)

@@ -16,7 +16,8 @@ from star_view.camera_images import Picture, mosaic
 from star_view.markdown import escaped
 from star_view.page import add_dark_switch, open_page
 from star_view.snapshot import of_record
-from star_view.swarm_scene import SwarmScene, color_of
+from star_view.swarm_scene import SwarmScene, color_of, segments
+from star_view.world_scene import add_lines
 
 RATE: Final = 20.0  # Hz: of the page
 TRAIL: Final = 5.0  # s
@@ -132,10 +133,7 @@ class Replay:
             path = path[:: max(1, len(path) // MAX_POINTS)]
             if len(path) > 1:
                 pale = (255 + np.array(color_of(row))) // 2
-                page.add_line_segments(
-                    f"/flown/{name}", np.stack([path[:-1], path[1:]], axis=1), tuple(pale),
-                    thickness=1.0, thickness_units="screen",
-                )  # fmt: skip
+                add_lines(page, f"/flown/{name}", segments(path), tuple(pale), 1.0)
 
     def _add_controls(self, gui: viser.GuiApi) -> None:
         begin, end = float(self._time[0]), float(self._time[-1])

@@ -15,6 +15,7 @@ from star_core import Agent, Array
 from star_view.drone_mesh import frame_and_rear, front
 from star_view.footprints import footprint
 from star_view.snapshot import Snapshot
+from star_view.world_scene import add_lines
 
 SIZE: Final = 1.5  # of a drawn drone, over that of a Crazyflie
 FRONT: Final = (245, 245, 245)  # color of the rotors ahead
@@ -81,10 +82,11 @@ class SwarmScene:
                 self.footprints[row] = Footprint(page, f"/footprints/{agent.name}", row)
             self._add_estimate(agent.name, color)
             if radius is not None:
-                self._rings.append(_add_lines(page, f"radii/{agent.name}", color, 1.0))
-                self._rings[-1].points = segments(radius * CIRCLE)
+                ring = segments(radius * CIRCLE)
+                self._rings.append(add_lines(page, f"/radii/{agent.name}", ring, color, 1.0))
             for layer, width in LINE_WIDTHS.items():
-                handle = _add_lines(page, f"{layer}/{agent.name}", color, width)
+                hidden = np.zeros((1, 2, 3))
+                handle = add_lines(page, f"/{layer}/{agent.name}", hidden, color, width)
                 self._lines[layer].append(_Lines(handle))
             self.arrows.append(
                 page.add_arrows(
@@ -233,12 +235,6 @@ class _Lines:
             self._handle.visible = len(segments) > 0
             if len(segments):
                 self._handle.points = segments
-
-
-def _add_lines(page: viser.SceneApi, name: str, color: tuple[int, int, int], width: float) -> Any:
-    return page.add_line_segments(
-        f"/{name}", np.zeros((1, 2, 3)), color, thickness=width, thickness_units="screen"
-    )
 
 
 def switch(layer: Any, event: Any) -> None:

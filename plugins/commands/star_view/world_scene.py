@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 
 from star_core import Tag, World
 from star_core.toolkit import Beacon, box_edges, obstacle_meshes
@@ -33,10 +34,7 @@ def add_world(scene: SceneApi, world: World) -> list[Name]:
     width, depth, _ = high - low
     centre = (low + high) / 2
     scene.add_grid("/floor", width=width, height=depth, cell_size=0.5, position=(*centre[:2], 0.0))
-    edges = box_edges(world.fence.low, world.fence.high)
-    scene.add_line_segments(
-        "/fence", points=edges, colors=FENCE, thickness=1.5, thickness_units="screen"
-    )
+    add_lines(scene, "/fence", box_edges(world.fence.low, world.fence.high), FENCE, 1.5)
     names = []
     for obstacle, opacity in (
         *((obstacle, 0.55) for obstacle in world.obstacles),
@@ -57,6 +55,17 @@ def add_world(scene: SceneApi, world: World) -> list[Name]:
     return names
 
 
+def add_lines(
+    scene: SceneApi,
+    name: str,
+    segments: NDArray[np.floating[Any]],
+    color: tuple[int, int, int],
+    width: float,
+) -> Any:
+    """Add line segments, (K, 2, 3) m, that are everywhere `width` px wide; return their handle."""
+    return scene.add_line_segments(name, segments, color, thickness=width, thickness_units="screen")
+
+
 def _add_beacon(scene: SceneApi, beacon: Beacon, *, looks: bool) -> Name:
     """Add a base station or an anchor, and in which direction it looks; return its name."""
     x, y, z, w = beacon.rotation
@@ -66,10 +75,8 @@ def _add_beacon(scene: SceneApi, beacon: Beacon, *, looks: bool) -> Name:
         dimensions=(BEACON_SIZE,) * 3, cast_shadow=False, receive_shadow=False,
     )  # fmt: skip
     if looks:
-        scene.add_line_segments(
-            f"{name}/view", points=np.array([[(0.0, 0.0, 0.0), (VIEW, 0.0, 0.0)]]), colors=BEACON,
-            thickness=2, thickness_units="screen",
-        )  # fmt: skip
+        view = np.array([[(0.0, 0.0, 0.0), (VIEW, 0.0, 0.0)]])
+        add_lines(scene, f"{name}/view", view, BEACON, 2.0)
     x, y, z = beacon.position
     return Name(f"{name}/label", beacon.name, (x, y, z + BEACON_SIZE))
 
