@@ -43,36 +43,20 @@ def series(run: Run) -> Iterator[tuple[str, str, Figure]]:
             "and landings.",
             over_time(lines, "error (m)"),
         )
-    for title, caption, nearest, obstacles, level in (
-        (
-            "Separation",
-            "Distance between the two nearest agents in the air. Dashed: contact.",
-            separation(run),
-            False,
-            CONTACT,
-        ),
-        (
-            "Clearance",
-            "Distance from the nearest obstacle to an agent in the air.",
-            clearance(run),
-            True,
-            None,
-        ),
-    ):
-        if nearest.tick is not None:
-            marked = [
-                line(time, nearest.distance, title.lower(), colour(0)),
-                crosses(_approaches(run, nearest, obstacles=obstacles), "closest approaches"),
-            ]
-            yield title, caption, over_time(marked, "distance (m)", level)
-    for title, caption, array, axis in (
-        ("Altitude", "z of each agent in the map.", positions(run)[..., 2], "z (m)"),
-        ("Battery", "Battery voltage of each agent.", run.arrays["battery"], "voltage (V)"),
+    if (figure := _distances(run, "separation", separation(run), CONTACT)) is not None:
+        caption = "Distance between the two nearest agents in the air. Dashed: contact."
+        yield "Separation", caption, figure
+    if (figure := _distances(run, "clearance", clearance(run), obstacles=True)) is not None:
+        yield "Clearance", "Distance from the nearest obstacle to an agent in the air.", figure
+    altitude, battery = positions(run)[..., 2], run.arrays["battery"]
+    for title, caption, array, axis, mode in (
+        ("Altitude", "z of each agent in the map.", altitude, "z (m)", "tozero"),
+        ("Battery", "Battery voltage of each agent.", battery, "voltage (V)", "normal"),
     ):
         if np.isfinite(array).any():
             lines = [line(time, array[:, i], n, colour(i)) for i, n in enumerate(run.agents)]
             figure = over_time(lines, axis)
-            figure["layout"]["yaxis"]["rangemode"] = "normal" if title == "Battery" else "tozero"
+            figure["layout"]["yaxis"]["rangemode"] = mode
             yield title, caption, figure
 
 
@@ -159,22 +143,37 @@ def compute(run: Run) -> Figure:
     }
 
 
-def _approaches(run: Run, nearest: Nearest, *, obstacles: bool) -> list[tuple[float, float, str]]:
-    """Return times, distances and texts: of the least distance, collisions and close approaches.
+def _distances(
+    run: Run,
+    name: str,
+    nearest: Nearest,
+    level: float | None = None,
+    *,
+    obstacles: bool = False,
+) -> Figure | None:
+    """Return distances over time; crosses are the least one, collisions and close approaches.
 
     Args:
         run: The flight.
-        nearest: Distances over time.
-        obstacles: Whether to return collisions with obstacles, or those between agents.
+        name: Of the line.
+        nearest: Distances over time; None is returned if there are none.
+        level: Of a dashed line, m.
+        obstacles: Whether collisions are those with obstacles, or between agents.
     """
-    tick = nearest.tick if nearest.tick is not None else 0
-    approaches = [(float(run.arrays["time"][tick]), nearest.least, nearest.text)]
+    if nearest.tick is None:
+        return None
+    time = run.arrays["time"]
+    approaches = [(float(time[nearest.tick]), nearest.least, nearest.text)]
     for event in run.summary["events"]:
         details = event.get("details") or {}
         if event["kind"] in APPROACHES and ("obstacle" in details) == obstacles:
-            time = details.get("time_s", event["time"])
-            at = int(np.searchsorted(run.arrays["time"], time))
+            moment = details.get("time_s", event["time"])
+            at = int(np.searchsorted(time, moment))
             distance = float(nearest.distance[min(at, len(nearest.distance) - 1)])
             if np.isfinite(distance):
-                approaches.append((time, distance, escape(event["text"])))
-    return approaches
+                approaches.append((moment, distance, escape(event["text"])))
+    lines = [
+        line(time, nearest.distance, name, colour(0)),
+        crosses(approaches, "closest approaches"),
+    ]
+    return over_time(lines, "distance (m)", level)
