@@ -74,7 +74,7 @@ def means(samples: Sequence[Sequence[float]], *, signed: bool = False) -> list[E
         values = np.array(sample, float)
         std = float(values.std(ddof=1)) if len(values) > 1 else math.nan
         low, high, method = interval or (math.nan, math.nan, "")
-        if not signed and values.min() >= 0:
+        if method and not signed and values.min() >= 0:
             low = max(0.0, low)
         estimates.append(Estimate(len(values), float(values.mean()), std, low, high, method))
     return estimates
