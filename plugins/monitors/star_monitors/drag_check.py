@@ -49,6 +49,26 @@ SWAY_MEMORY: Final = 20.0  # s, over which that noise is averaged: gusts have mo
 MAX_GAP: Final = 0.2  # s between two reports
 TINY: Final = 1e-9
 
+STATE: Final = np.dtype(
+    [
+        ("time", "f8"),  # s, of the newest report
+        ("learnt", "f8"),  # s in the air
+        # Errors ahead and left, m/s², and the missing share of the velocity: expected without a
+        # fault, their covariance, and by how much they would differ after a jump.
+        ("errors", "f8", 3),
+        ("covariance", "f8", (3, 3)),
+        ("jump", "f8", 3),
+        ("sway", "f8", 2),  # drag across the flight, averaged, m/s², and its variance
+        ("evidence", "f8"),  # logarithm of the likelihood ratio of a wrong flow sensor
+        ("bias", "f8", 2),  # m/s², ahead and left, slowly learnt
+        ("measured", "f8", 2),  # true less reported velocity by the drag, m/s
+        ("missing", "f8", (2, 2)),  # m/s and m since the evidence was zero
+        ("contradicted", "?"),
+        ("airborne", "?"),  # in the last check
+    ],
+    align=True,
+)
+
 
 class DragCheck:
     """Compares the drag of the air with the velocities that agents report.
@@ -79,23 +99,12 @@ class DragCheck:
     """
 
     def __init__(self, n: int) -> None:
-        self._time = np.full(n, np.nan)  # s, of the newest report
-        self._learnt = np.zeros(n)  # s in the air
-        # Errors ahead and left, m/s², and the missing share of the velocity: expected without a
-        # fault, their covariance, and by how much they would differ after a jump.
-        self._errors = np.zeros((n, 3))
-        self._covariance = np.zeros((n, 3, 3))
-        self._jump = np.zeros((n, 3))
-        self._sway = np.zeros((n, 2))  # drag across the flight, averaged, m/s², and its variance
-        self.evidence = np.zeros(n)
-        self._bias = np.zeros((n, 2))  # m/s², ahead and left, slowly learnt
-        self.missing = np.full((n, 2), np.nan)
-        self._missing = np.zeros((2, n, 2))  # m/s and m since the evidence was zero
-        self._contradicted = np.zeros(n, np.bool_)
-        self._airborne = np.zeros(n, np.bool_)  # in the last check
+        self._state = np.zeros(n, STATE)
+        self._state["time"] = self._state["measured"] = np.nan
+        self.evidence, self.missing = self._state["evidence"], self._state["measured"]
         nothing = (frozen(np.zeros((0, *row))) for row in ((), (2,), (3,), (4,)))
         unknown = np.zeros(0, np.bool_)
-        self._follow(0.0, *nothing, unknown, unknown)  # compiled before the flight
+        follow_drag(0.0, *nothing, unknown, unknown, self._state)  # compiled before the flight
 
     def check(self, telemetry: Telemetry, airborne: Mask, contradicted: Mask | None = None) -> Mask:
         """Return the agents that fly faster than they report: (N,).
@@ -107,7 +116,7 @@ class DragCheck:
                 accelerometers measure is not taken for an error of these.
         """
         if telemetry.specific_force is not None:
-            self._follow(
+            follow_drag(
                 float(telemetry.time),
                 telemetry.age,
                 telemetry.specific_force,
@@ -115,25 +124,9 @@ class DragCheck:
                 telemetry.attitude,
                 airborne,
                 np.zeros(len(airborne), np.bool_) if contradicted is None else contradicted,
+                self._state,
             )
-        return self._contradicted.copy()
-
-    def _follow(self, *reports: Any) -> None:
-        follow_drag(  # type: ignore[call-arg]  # those that it has
-            *reports,
-            self._time,
-            self._learnt,
-            self._errors,
-            self._covariance,
-            self._jump,
-            self._sway,
-            self.evidence,
-            self._bias,
-            self.missing,
-            self._missing,
-            self._contradicted,
-            self._airborne,
-        )
+        return self._state["contradicted"].copy()
 
     def errors(self) -> tuple[Array, Array]:
         """Return by how much the motion of agents that were found differs from what they report.
@@ -142,13 +135,14 @@ class DragCheck:
             (N, 3) differences of the positions, m, and (N, 3) of the velocities, m/s, in the
             odometry frames; zero for other agents.
         """
-        velocity, position = np.where(self._contradicted[:, None], self._missing, 0.0)
-        level = np.zeros((len(self._learnt), 1))
-        return np.hstack([position, level]), np.hstack([velocity, level])
+        contradicted = self._state["contradicted"][:, None, None]
+        missing = np.where(contradicted, self._state["missing"], 0.0)
+        level = np.zeros((len(missing), 1))
+        return np.hstack([missing[:, 1], level]), np.hstack([missing[:, 0], level])
 
 
 @compiled
-def follow_drag(  # noqa: C901, PLR0912, PLR0913, PLR0917 -- the state of `DragCheck`, in one pass
+def follow_drag(  # noqa: C901, PLR0912 -- the state of `DragCheck`, in one pass
     time: float,
     age: Array,
     force: Array,
@@ -156,20 +150,9 @@ def follow_drag(  # noqa: C901, PLR0912, PLR0913, PLR0917 -- the state of `DragC
     attitude: Array,
     airborne: Mask,
     wrong: Mask,
-    last_time: Array,
-    learnt: Array,
-    errors: Array,
-    covariance: Array,
-    jump: Array,
-    sway: Array,
-    evidence: Array,
-    bias: Array,
-    measured: Array,
-    missing: Array,
-    contradicted: Mask,
-    was_airborne: Mask,
+    state: Any,
 ) -> None:
-    """Add what the reports of a tick show to the state of `DragCheck`, which is changed.
+    """Add what the reports of a tick show to the state of `DragCheck`.
 
     Args:
         time: Mission time, s.
@@ -179,84 +162,65 @@ def follow_drag(  # noqa: C901, PLR0912, PLR0913, PLR0917 -- the state of `DragC
         attitude: (N, 4) unit quaternions x, y, z, w from the body to the odometry frame.
         airborne: (N,) agents in the air.
         wrong: (N,) agents whose reported velocities are known to be wrong.
-        last_time: (N,) s.
-        learnt: (N,) s.
-        errors: (N, 3) m/s² and fraction.
-        covariance: (N, 3, 3) of the errors.
-        jump: (N, 3) m/s² and fraction.
-        sway: (N, 2) m/s² and (m/s²)².
-        evidence: (N,).
-        bias: (N, 2) m/s².
-        measured: (N, 2) true less reported velocity by the drag, m/s.
-        missing: (2, N, 2) m/s and m.
-        contradicted: (N,).
-        was_airborne: (N,) agents that were in the air in the last tick.
+        state: (N,) records of `STATE`, changed in place.
     """
     for row in range(len(age)):
-        passed = time - age[row] - last_time[row]
+        agent = state[row]
+        passed = time - age[row] - agent.time
         x, y, z, w = attitude[row, 0], attitude[row, 1], attitude[row, 2], attitude[row, 3]
         yaw = math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
         cos, sin = math.cos(yaw), math.sin(yaw)
         ahead = velocity[row, 0] * cos + velocity[row, 1] * sin
         aside = velocity[row, 1] * cos - velocity[row, 0] * sin
         error_x, error_y = force[row, 0] + DRAG * ahead, force[row, 1] + DRAG * aside
-        measured[row, 0] = measured[row, 1] = math.nan
+        agent.measured[0] = agent.measured[1] = math.nan
         usable = airborne[row] and 0 < passed <= MAX_GAP
         if usable and math.isfinite(error_x) and math.isfinite(error_y):
             dt = passed
-            if learnt[row] == 0.0:
-                begin(errors[row], covariance[row])
-            if evidence[row] == 0.0:
-                jump[row, 0], jump[row, 1], jump[row, 2] = 0.0, 0.0, EXCESS
-            left_x, left_y = error_x - bias[row, 0], error_y - bias[row, 1]
-            if learnt[row] > LEARNING_TIME:
-                measured[row, 0] = -(left_x * cos - left_y * sin) / DRAG
-                measured[row, 1] = -(left_x * sin + left_y * cos) / DRAG
-            if not contradicted[row] and not wrong[row]:
-                since = min(max(learnt[row], dt + TINY), SWAY_MEMORY)
-                density = noise(
-                    error_x - errors[row, 0],
-                    error_y - errors[row, 1],
-                    ahead,
-                    aside,
-                    dt,
-                    since,
-                    sway[row],
-                )
-                predict(errors[row], covariance[row], jump[row], dt)
+            if agent.learnt == 0.0:
+                begin(agent)
+            if agent.evidence == 0.0:
+                agent.jump[0], agent.jump[1], agent.jump[2] = 0.0, 0.0, EXCESS
+            left_x, left_y = error_x - agent.bias[0], error_y - agent.bias[1]
+            if agent.learnt > LEARNING_TIME:
+                agent.measured[0] = -(left_x * cos - left_y * sin) / DRAG
+                agent.measured[1] = -(left_x * sin + left_y * cos) / DRAG
+            if not agent.contradicted and not wrong[row]:
+                since = min(max(agent.learnt, dt + TINY), SWAY_MEMORY)
+                density = noise(agent, error_x, error_y, ahead, aside, dt, since)
+                predict(agent, dt)
                 added = 0.0
                 for axis, error, speed in ((0, error_x, ahead), (1, error_y, aside)):
-                    added += correct(
-                        axis, error, speed, density / dt, errors[row], covariance[row], jump[row]
-                    )
-                if learnt[row] > LEARNING_TIME:
+                    added += correct(agent, axis, error, speed, density / dt)
+                if agent.learnt > LEARNING_TIME:
                     added = min(added, dt * MIN_EVIDENCE / MIN_TIME)
-                    evidence[row] = max(evidence[row] + added, 0.0)
-                gain = -math.expm1(-dt / min(max(learnt[row], dt + TINY), MISSING_BIAS_TIME))
-                bias[row, 0] += gain * left_x
-                bias[row, 1] += gain * left_y
-            learnt[row] += dt
+                    agent.evidence = max(agent.evidence + added, 0.0)
+                gain = -math.expm1(-dt / min(max(agent.learnt, dt + TINY), MISSING_BIAS_TIME))
+                agent.bias[0] += gain * left_x
+                agent.bias[1] += gain * left_y
+            agent.learnt += dt
             for axis in range(2):
-                missing[0, row, axis] = EXCESS * velocity[row, axis]
-                missing[1, row, axis] += dt * missing[0, row, axis]
-        contradicted[row] = contradicted[row] and (not airborne[row] or was_airborne[row])
-        was_airborne[row] = airborne[row]
+                agent.missing[0, axis] = EXCESS * velocity[row, axis]
+                agent.missing[1, axis] += dt * agent.missing[0, axis]
+        agent.contradicted = agent.contradicted and (not airborne[row] or agent.airborne)
+        agent.airborne = airborne[row]
         if not airborne[row]:
-            learnt[row] = evidence[row] = 0.0
+            agent.learnt = agent.evidence = 0.0
             for axis in range(2):
-                bias[row, axis] = sway[row, axis] = 0.0
-        if evidence[row] == 0.0 and not contradicted[row]:
+                agent.bias[axis] = agent.sway[axis] = 0.0
+        if agent.evidence == 0.0 and not agent.contradicted:
             for order in range(2):
-                missing[order, row, 0] = missing[order, row, 1] = 0.0
+                agent.missing[order, 0] = agent.missing[order, 1] = 0.0
         if not passed <= 0:
-            last_time[row] = time - age[row]
-        contradicted[row] = contradicted[row] or evidence[row] > MIN_EVIDENCE
+            agent.time = time - age[row]
+        agent.contradicted = agent.contradicted or agent.evidence > MIN_EVIDENCE
 
 
 @subroutine
-def begin(errors: Array, covariance: Array) -> None:
+def begin(agent: Any) -> None:
     """Set what is known of an agent's errors at its take-off."""
-    errors[:] = 0.0
+    covariance = agent.covariance
+    agent.errors[:] = 0.0
     covariance[:] = 0.0
     covariance[0, 0] = covariance[1, 1] = BIAS_STD * BIAS_STD
     covariance[2, 2] = SCALE_STD * SCALE_STD
@@ -264,9 +228,11 @@ def begin(errors: Array, covariance: Array) -> None:
 
 @subroutine
 def noise(
-    error_x: float, error_y: float, ahead: float, aside: float, dt: float, since: float, sway: Array
+    agent: Any, error_x: float, error_y: float, ahead: float, aside: float, dt: float, since: float
 ) -> float:
     """Return the density of the noise of measured drag, (m/s²)² s; add the errors to the sway."""
+    sway = agent.sway
+    error_x, error_y = error_x - agent.errors[0], error_y - agent.errors[1]
     square = ahead * ahead + aside * aside
     across = (error_y * ahead - error_x * aside) / math.sqrt(square + TINY)
     sway[0] += -math.expm1(-dt / SWAY_TIME) * (across - sway[0])
@@ -276,11 +242,11 @@ def noise(
 
 
 @subroutine
-def predict(errors: Array, covariance: Array, jump: Array, dt: float) -> None:
+def predict(agent: Any, dt: float) -> None:
     """Let the errors of the accelerometer wander, and the scale return to its mean."""
-    kept = 1 - dt / SCALE_TIME
-    errors[2] *= kept
-    jump[2] = EXCESS + kept * (jump[2] - EXCESS)
+    kept, covariance = 1 - dt / SCALE_TIME, agent.covariance
+    agent.errors[2] *= kept
+    agent.jump[2] = EXCESS + kept * (agent.jump[2] - EXCESS)
     for axis in range(2):
         covariance[axis, axis] += BIAS_WANDER * dt
         covariance[axis, 2] *= kept
@@ -291,26 +257,17 @@ def predict(errors: Array, covariance: Array, jump: Array, dt: float) -> None:
 
 
 @subroutine
-def correct(
-    axis: int,
-    error: float,
-    speed: float,
-    variance: float,
-    errors: Array,
-    covariance: Array,
-    jump: Array,
-) -> float:
+def correct(agent: Any, axis: int, error: float, speed: float, variance: float) -> float:
     """Correct the errors by the drag along an axis; return what it adds to the evidence.
 
     Args:
+        agent: Record of `STATE`.
         axis: 0 ahead, 1 left.
         error: Measured less expected drag, m/s².
         speed: Along the axis, m/s.
         variance: Of the noise of the measurement, (m/s²)².
-        errors: (3,) m/s² and fraction.
-        covariance: (3, 3) of the errors.
-        jump: (3,) m/s² and fraction.
     """
+    errors, covariance, jump = agent.errors, agent.covariance, agent.jump
     share = -DRAG * speed
     innovation = error - errors[axis] - share * errors[2]
     signature = jump[axis] + share * jump[2]

@@ -45,6 +45,24 @@ MAX_GAP: Final = 0.2  # s between two reports that are compared
 MIN_UPRIGHT: Final = 0.5  # cosine of the greatest tilt of an agent that still flies
 TINY: Final = 1e-9
 
+STATE: Final = np.dtype(
+    [
+        ("time", "f8"),  # s, of the newest report, like the next two
+        ("velocity", "f8", 2),  # m/s
+        ("pull", "f8", 2),  # m/s², by the tilt
+        ("bias", "f8", 2),  # m/s², ahead and left
+        ("learnt", "f8"),  # s
+        # Errors in the odometry frame since the evidence was zero: of the velocity, m/s, of the
+        # acceleration by tilt, m/s², and of the position, m.
+        ("errors", "f8", (3, 2)),
+        ("evidence", "f8"),  # that the flow sensor is stuck
+        ("contradicted", "?"),
+        ("airborne", "?"),  # in the last check
+        ("passed", "f8"),  # s between the reports that are compared; 0 where none are
+    ],
+    align=True,
+)
+
 
 class MotionCheck:
     """Finds agents whose on-board estimate denies the motion that they fly.
@@ -69,20 +87,11 @@ class MotionCheck:
     """
 
     def __init__(self, n: int) -> None:
-        self._time = np.full(n, np.nan)  # s, of the newest report, like the next two
-        self._velocity = np.full((n, 2), np.nan)  # m/s
-        self._pull = np.full((n, 2), np.nan)  # m/s², by the tilt
-        self._bias = np.zeros((n, 2))  # m/s², ahead and left
-        self._learnt = np.zeros(n)  # s
-        # Errors in the odometry frame since the evidence was zero: of the velocity, m/s, of the
-        # acceleration by tilt, m/s², and of the position, m.
-        self._errors = np.zeros((3, n, 2))
-        self._evidence = np.zeros(n)  # that the flow sensor is stuck
-        self._contradicted = np.zeros(n, np.bool_)
-        self._airborne = np.zeros(n, np.bool_)  # in the last check
-        self._passed = np.zeros(n)  # s between the reports that were compared last
+        self._state = np.zeros(n, STATE)
+        for name in ("time", "velocity", "pull"):
+            self._state[name] = np.nan
         nothing = (frozen(np.zeros((0, *row))) for row in ((), (3,), (3,), (4,)))
-        self._compare(0.0, *nothing, np.zeros(0, np.bool_))  # compiled before the flight
+        compare(0.0, *nothing, np.zeros(0, np.bool_), self._state)  # compiled before the flight
 
     def check(self, telemetry: Telemetry, airborne: Mask) -> Mask:
         """Return the agents that fly otherwise than they report: (N,).
@@ -91,30 +100,16 @@ class MotionCheck:
             telemetry: Of the tick, in odometry frames.
             airborne: (N,) which agents are in the air.
         """
-        self._compare(
+        compare(
             float(telemetry.time),
             telemetry.age,
             telemetry.position,
             telemetry.velocity,
             telemetry.attitude,
             airborne,
+            self._state,
         )
-        return self._contradicted.copy()
-
-    def _compare(self, *reports: Any) -> None:
-        compare(  # type: ignore[call-arg]  # those that it has
-            *reports,
-            self._time,
-            self._velocity,
-            self._pull,
-            self._bias,
-            self._learnt,
-            self._errors,
-            self._evidence,
-            self._contradicted,
-            self._airborne,
-            self._passed,
-        )
+        return self._state["contradicted"].copy()
 
     def correct(self, missing: Array) -> None:
         """Correct the errors of agents that were found by measured ones of the velocities.
@@ -124,13 +119,14 @@ class MotionCheck:
         Args:
             missing: (N, 2) true less reported velocity, m/s, in odometry frames; NaN where unknown.
         """
-        if not some(self._contradicted):
+        if not some(self._state["contradicted"]):
             return
-        usable = self._contradicted & np.isfinite(missing).all(axis=1)
-        gain = np.where(usable, -np.expm1(-self._passed / CORRECTED_IN), 0.0)[:, None]
-        difference = gain * (np.where(usable[:, None], missing, 0.0) - self._errors[0])
-        self._errors[0] += 2 * difference  # critically damped
-        self._errors[1] -= difference / CORRECTED_IN
+        usable = self._state["contradicted"] & np.isfinite(missing).all(axis=1)
+        gain = np.where(usable, -np.expm1(-self._state["passed"] / CORRECTED_IN), 0.0)[:, None]
+        errors = self._state["errors"]
+        difference = gain * (np.where(usable[:, None], missing, 0.0) - errors[:, 0])
+        errors[:, 0] += 2 * difference  # critically damped
+        errors[:, 1] -= difference / CORRECTED_IN
 
     def errors(self) -> tuple[Array, Array]:
         """Return by how much the motion of agents that were found differs from what they report.
@@ -139,31 +135,23 @@ class MotionCheck:
             (N, 3) differences of the positions, m, and (N, 3) of the velocities, m/s, in the
             odometry frames; zero for other agents.
         """
-        contradicted = np.where(self._contradicted[:, None], self._errors, 0.0)
-        level = np.zeros((len(self._learnt), 1))
-        return np.hstack([contradicted[2], level]), np.hstack([contradicted[0], level])
+        contradicted = self._state["contradicted"][:, None, None]
+        errors = np.where(contradicted, self._state["errors"], 0.0)
+        level = np.zeros((len(errors), 1))
+        return np.hstack([errors[:, 2], level]), np.hstack([errors[:, 0], level])
 
 
 @compiled
-def compare(  # noqa: C901, PLR0913, PLR0915, PLR0917 -- the state of `MotionCheck`, one pass
+def compare(  # noqa: C901, PLR0915 -- the state of `MotionCheck`, one pass
     time: float,
     age: Array,
     position: Array,
     velocity: Array,
     attitude: Array,
     airborne: Mask,
-    last_time: Array,
-    last_velocity: Array,
-    last_pull: Array,
-    bias: Array,
-    learnt: Array,
-    errors: Array,
-    evidence: Array,
-    contradicted: Mask,
-    was_airborne: Mask,
-    passed: Array,
+    state: Any,
 ) -> None:
-    """Add what the reports of a tick show to the state of `MotionCheck`, which is changed.
+    """Add what the reports of a tick show to the state of `MotionCheck`.
 
     Args:
         time: Mission time, s.
@@ -172,31 +160,23 @@ def compare(  # noqa: C901, PLR0913, PLR0915, PLR0917 -- the state of `MotionChe
         velocity: (N, 3) m/s.
         attitude: (N, 4) unit quaternions x, y, z, w from the body to the odometry frame.
         airborne: (N,) agents in the air.
-        last_time: (N,) s.
-        last_velocity: (N, 2) m/s.
-        last_pull: (N, 2) m/s².
-        bias: (N, 2) m/s².
-        learnt: (N,) s.
-        errors: (3, N, 2) m/s, m/s² and m.
-        evidence: (N,).
-        contradicted: (N,).
-        was_airborne: (N,) agents that were in the air in the last tick.
-        passed: (N,) output: time between the reports that are compared, s; 0 where none are.
+        state: (N,) records of `STATE`, changed in place.
     """
     for row in range(len(age)):
-        seconds = time - age[row] - last_time[row]
+        agent = state[row]
+        seconds = time - age[row] - agent.time
         x, y, z, w = attitude[row, 0], attitude[row, 1], attitude[row, 2], attitude[row, 3]
         up = 1 - 2 * (x * x + y * y)
         pull_x = pull_y = math.nan  # of drones that fall, and of level ones: no tilt is reported
         if MIN_UPRIGHT < up < 1:
             pull_x = 2 * GRAVITY / up * (x * z + w * y)  # of drones that keep their height
             pull_y = 2 * GRAVITY / up * (y * z - w * x)
-        fast_x = (velocity[row, 0] + last_velocity[row, 0]) / 2
-        fast_y = (velocity[row, 1] + last_velocity[row, 1]) / 2
-        gain_x = (velocity[row, 0] - last_velocity[row, 0]) / seconds
-        gain_y = (velocity[row, 1] - last_velocity[row, 1]) / seconds
-        unexplained_x = gain_x - (pull_x + last_pull[row, 0]) / 2 + DRAG * fast_x
-        unexplained_y = gain_y - (pull_y + last_pull[row, 1]) / 2 + DRAG * fast_y
+        fast_x = (velocity[row, 0] + agent.velocity[0]) / 2
+        fast_y = (velocity[row, 1] + agent.velocity[1]) / 2
+        gain_x = (velocity[row, 0] - agent.velocity[0]) / seconds
+        gain_y = (velocity[row, 1] - agent.velocity[1]) / seconds
+        unexplained_x = gain_x - (pull_x + agent.pull[0]) / 2 + DRAG * fast_x
+        unexplained_y = gain_y - (pull_y + agent.pull[1]) / 2 + DRAG * fast_y
         usable = airborne[row] and 0 < seconds <= MAX_GAP
         usable = usable and math.isfinite(unexplained_x) and math.isfinite(unexplained_y)
         dt = cx = cy = 0.0  # s; correction of the velocity, m/s²
@@ -204,45 +184,45 @@ def compare(  # noqa: C901, PLR0913, PLR0915, PLR0917 -- the state of `MotionChe
         cos, sin = math.cos(yaw), math.sin(yaw)
         if usable:
             dt = seconds
-            cx = unexplained_x - (bias[row, 0] * cos - bias[row, 1] * sin)
-            cy = unexplained_y - (bias[row, 0] * sin + bias[row, 1] * cos)
+            cx = unexplained_x - (agent.bias[0] * cos - agent.bias[1] * sin)
+            cy = unexplained_y - (agent.bias[0] * sin + agent.bias[1] * cos)
             square = fast_x * fast_x + fast_y * fast_y
             lost = min(-(cx * fast_x + cy * fast_y), MAX_CORRECTION_RATE * square)
             height = max(MIN_FLOW_HEIGHT, position[row, 2])  # also where it is NaN
             noise = FLOW_NOISE * height * height
             rate = CORRECTION_RATE * (lost - CORRECTION_RATE / 2 * square) / noise
             most = min(dt / MIN_STUCK_TIME, 1 / MIN_STUCK_REPORTS) * MIN_EVIDENCE
-            evidence[row] = max(evidence[row] + min(dt * rate, most), 0.0)
-        if evidence[row] == 0.0 and not contradicted[row]:
+            agent.evidence = max(agent.evidence + min(dt * rate, most), 0.0)
+        if agent.evidence == 0.0 and not agent.contradicted:
             for order in range(3):
-                errors[order, row, 0] = errors[order, row, 1] = 0.0
-        faster_x, faster_y = errors[0, row, 0], errors[0, row, 1]
+                agent.errors[order, 0] = agent.errors[order, 1] = 0.0
+        faster_x, faster_y = agent.errors[0, 0], agent.errors[0, 1]
         cx, cy = cx + DRAG * faster_x, cy + DRAG * faster_y
-        errors[0, row, 0] += dt * (-cx - errors[1, row, 0])
-        errors[0, row, 1] += dt * (-cy - errors[1, row, 1])
-        errors[1, row, 0] += dt * (TILT_RATE * cx)
-        errors[1, row, 1] += dt * (TILT_RATE * cy)
-        errors[2, row, 0] += dt * faster_x
-        errors[2, row, 1] += dt * faster_y
-        learnt[row] += dt
-        passed[row] = dt
-        if usable and not contradicted[row]:
-            share = -math.expm1(-dt / min(max(learnt[row], dt + TINY), BIAS_TIME))
-            cx, cy = cx - DRAG * errors[0, row, 0], cy - DRAG * errors[0, row, 1]
-            bias[row, 0] += share * (cx * cos + cy * sin)
-            bias[row, 1] += share * (cy * cos - cx * sin)
+        agent.errors[0, 0] += dt * (-cx - agent.errors[1, 0])
+        agent.errors[0, 1] += dt * (-cy - agent.errors[1, 1])
+        agent.errors[1, 0] += dt * (TILT_RATE * cx)
+        agent.errors[1, 1] += dt * (TILT_RATE * cy)
+        agent.errors[2, 0] += dt * faster_x
+        agent.errors[2, 1] += dt * faster_y
+        agent.learnt += dt
+        agent.passed = dt
+        if usable and not agent.contradicted:
+            share = -math.expm1(-dt / min(max(agent.learnt, dt + TINY), BIAS_TIME))
+            cx, cy = cx - DRAG * agent.errors[0, 0], cy - DRAG * agent.errors[0, 1]
+            agent.bias[0] += share * (cx * cos + cy * sin)
+            agent.bias[1] += share * (cy * cos - cx * sin)
         if not seconds <= 0:
-            last_time[row] = time - age[row]
+            agent.time = time - age[row]
             for axis in range(2):
-                last_velocity[row, axis] = velocity[row, axis]
-            last_pull[row, 0], last_pull[row, 1] = pull_x, pull_y
+                agent.velocity[axis] = velocity[row, axis]
+            agent.pull[0], agent.pull[1] = pull_x, pull_y
         if not airborne[row]:
-            learnt[row] = evidence[row] = 0.0
+            agent.learnt = agent.evidence = 0.0
             for axis in range(2):
-                bias[row, axis] = errors[0, row, axis] = errors[1, row, axis] = 0.0
-        contradicted[row] = contradicted[row] and (not airborne[row] or was_airborne[row])
-        if not contradicted[row] and not (airborne[row] and was_airborne[row]):
-            errors[2, row, 0] = errors[2, row, 1] = 0.0
-        was_airborne[row] = airborne[row]
-        if learnt[row] > LEARNING_TIME and evidence[row] > MIN_EVIDENCE:
-            contradicted[row] = True
+                agent.bias[axis] = agent.errors[0, axis] = agent.errors[1, axis] = 0.0
+        agent.contradicted = agent.contradicted and (not airborne[row] or agent.airborne)
+        if not agent.contradicted and not (airborne[row] and agent.airborne):
+            agent.errors[2, 0] = agent.errors[2, 1] = 0.0
+        agent.airborne = airborne[row]
+        if agent.learnt > LEARNING_TIME and agent.evidence > MIN_EVIDENCE:
+            agent.contradicted = True

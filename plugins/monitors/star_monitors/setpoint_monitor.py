@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -60,6 +60,19 @@ CHECKS: Final = (
 REPEATED_CHECKS: Final = 2  # of these, the first ones, after `REPEATED_TIME`
 MAX_FLOAT: Final = float(np.finfo(np.float64).max)
 
+STATE: Final = np.dtype(
+    [
+        ("pressed", "f8"),  # s
+        ("lasted", "f8", len(CHECKS)),  # s
+        # Velocities of avoider and planner, position and goal, in the tick before.
+        ("before", "f8", (4, 3)),
+        ("begun", "f8", 3),  # the planner's velocity when the avoider's was new
+        ("start", "f8", 3),  # the position when the planner's was
+        ("near", "?"),  # since the planner's was
+    ],
+    align=True,
+)
+
 
 class SetpointMonitor:
     """Leads agents away from the fence, and finds planners and avoiders that are stuck.
@@ -87,20 +100,11 @@ class SetpointMonitor:
     def __init__(self, scene: Scene) -> None:
         self._scene, n = scene, len(scene.agents)
         self._fence = np.array([scene.world.fence.low, scene.world.fence.high])
-        self._begin(n)
-        none, at_rest = frozen(np.zeros((n, 3))), Setpoint.none(n)  # of the types in flight
-        covariance = frozen(np.zeros((n, 3, 3)))
-        self._follow(none, none, covariance, Goals.none(n), at_rest, at_rest)  # compiled
-        self._begin(n)
-
-    def _begin(self, n: int) -> None:
-        self._pressed = np.zeros(n)  # s
-        self._lasted = np.zeros((len(CHECKS), n))  # s
-        # velocities of avoider and planner, position and goal, in the tick before
-        self._before = np.full((4, n, 3), np.nan)
-        self._begun = np.zeros((n, 3))  # the planner's velocities when the avoider's were new
-        self._start = np.full((n, 3), np.nan)  # the positions when the planner's were
-        self._near = np.zeros(n, np.bool_)  # since the planner's were
+        self._state = np.zeros(n, STATE)
+        self._state["before"] = self._state["start"] = np.nan
+        nothing, at_rest = frozen(np.zeros((0, 3))), Setpoint.none(0)  # of the types in flight
+        covariance = frozen(np.zeros((0, 3, 3)))
+        self._follow(nothing, nothing, covariance, Goals.none(0), at_rest, at_rest)  # compiled
 
     def check(self, state: TickState) -> Iterator[Use | Strike]:
         """Yield the avoider's setpoint, drawn in from the fence, and what is wrong, by plugin."""
@@ -115,7 +119,7 @@ class SetpointMonitor:
             return
         reasons = {
             kind: text.format(self._scene.named(np.flatnonzero(lasted > limit)))
-            for (kind, limit, text), lasted in zip(CHECKS, self._lasted, strict=True)
+            for (kind, limit, text), lasted in zip(CHECKS, self._state["lasted"].T, strict=True)
             if (lasted > limit).any()
         }
         for kind, reason in reasons.items():
@@ -144,12 +148,7 @@ class SetpointMonitor:
             planned.active,
             self._fence,
             self._scene.period,
-            self._pressed,
-            self._lasted,
-            self._before,
-            self._begun,
-            self._start,
-            self._near,
+            self._state,
         )
         return velocity, draws, finds
 
@@ -168,12 +167,7 @@ def follow(  # noqa: C901, PLR0912, PLR0913, PLR0915, PLR0917 -- one pass over a
     steered: Mask,
     fence: Array,
     period: float,
-    pressed: Array,
-    lasted: Array,
-    before: Array,
-    begun: Array,
-    start: Array,
-    near: Mask,
+    state: Any,
 ) -> tuple[bool, bool]:
     """Follow the setpoints of a tick as `SetpointMonitor` describes it.
 
@@ -190,12 +184,7 @@ def follow(  # noqa: C901, PLR0912, PLR0913, PLR0915, PLR0917 -- one pass over a
         steered: (N,) agents that setpoints fly.
         fence: (2, 3) its lowest and its highest corner, m.
         period: Of the ticks, s.
-        pressed: (N,) state of the monitor, which is changed, as the next five.
-        lasted: (len(CHECKS), N).
-        before: (4, N, 3).
-        begun: (N, 3).
-        start: (N, 3).
-        near: (N,).
+        state: (N,) records of `STATE`, changed in place.
 
     Returns:
         Whether an agent is drawn in, and whether there is something to report.
@@ -206,19 +195,20 @@ def follow(  # noqa: C901, PLR0912, PLR0913, PLR0915, PLR0917 -- one pass over a
     for row in range(n):
         same_avoided[row] = True
         for axis in range(3):
-            if avoided[row, axis] != before[0, row, axis]:
+            if avoided[row, axis] != state[row].before[0, axis]:
                 same_avoided[row] = False
         if steered[row] and not same_avoided[row]:
             repeated = False
     for row in range(n):
-        drawn = pressed[row] > PRESSED_TIME
+        agent = state[row]
+        drawn = agent.pressed > PRESSED_TIME
         same_planned, same_position, same_goal, rests, moves = True, True, True, True, False
         presses, avoided_out, planned_out = False, False, False
         ignored = away = towards = speed = along = moved = 0.0
         for axis in range(3):
             if not same_avoided[row]:
-                begun[row, axis] = planned[row, axis]
-            if planned[row, axis] != before[1, row, axis]:
+                agent.begun[axis] = planned[row, axis]
+            if planned[row, axis] != agent.before[1, axis]:
                 same_planned = False
             fast = flown[row, axis]
             if math.isnan(fast):
@@ -241,11 +231,11 @@ def follow(  # noqa: C901, PLR0912, PLR0913, PLR0915, PLR0917 -- one pass over a
             most, least = max(most, MIN_CORRECTION), min(least, -MIN_CORRECTION)
             avoided_out = avoided_out or by_avoider > most or by_avoider < least
             planned_out = planned_out or by_planner > most or by_planner < least
-            same_position = same_position and position[row, axis] == before[2, row, axis]
-            same_goal = same_goal and goal[row, axis] == before[3, row, axis]
+            same_position = same_position and position[row, axis] == agent.before[2, axis]
+            same_goal = same_goal and goal[row, axis] == agent.before[3, axis]
             rests = rests and goal_velocity[row, axis] == 0.0
             moves = moves or by_avoider != 0.0
-            change = by_planner - begun[row, axis]
+            change = by_planner - agent.begun[axis]
             ignored += change * change
             way = goal[row, axis] - position[row, axis]
             away += way * way
@@ -253,34 +243,34 @@ def follow(  # noqa: C901, PLR0912, PLR0913, PLR0915, PLR0917 -- one pass over a
             speed += by_planner * by_planner
         for axis in range(3):
             if not same_planned:
-                start[row, axis] = position[row, axis]
-            path = position[row, axis] - start[row, axis]
+                agent.start[axis] = position[row, axis]
+            path = position[row, axis] - agent.start[axis]
             along += planned[row, axis] * path
             moved += path * path
         distance = math.sqrt(away)
         # of the first line towards the goal, squared distances times the squared speed
         beside = towards < 0.0 and moved * speed - along * along > ARRIVAL * ARRIVAL * speed
-        near[row] = (
+        agent.near = (
             same_planned and same_goal and has_goal[row] and rests
-            and (near[row] or distance < ARRIVAL or beside)
+            and (agent.near or distance < ARRIVAL or beside)
         )  # fmt: skip
         repeats = (
             math.sqrt(ignored) > MIN_CHANGE and moves and repeated,
-            near[row] and distance > ARRIVAL,
+            agent.near and distance > ARRIVAL,
             same_avoided[row] and not same_planned and avoided_out and not same_position,
             same_planned and planned_out and not same_position,
         )
         for check in range(4):
             lasts = repeats[check] and steered[row]
-            lasted[check, row] = lasted[check, row] + period if lasts else 0.0
+            agent.lasted[check] = agent.lasted[check] + period if lasts else 0.0
             limit = REPEATED_TIME if check < REPEATED_CHECKS else OUTWARD_TIME
-            finds = finds or lasted[check, row] > limit
+            finds = finds or agent.lasted[check] > limit
         presses = presses and steered[row]
-        pressed[row] = pressed[row] + period if presses else 0.0
+        agent.pressed = agent.pressed + period if presses else 0.0
         draws = draws or (drawn and presses)
         for axis in range(3):
             if not presses:
                 velocity[row, axis] = avoided[row, axis]
-            before[0, row, axis], before[1, row, axis] = avoided[row, axis], planned[row, axis]
-            before[2, row, axis], before[3, row, axis] = position[row, axis], goal[row, axis]
+            agent.before[0, axis], agent.before[1, axis] = avoided[row, axis], planned[row, axis]
+            agent.before[2, axis], agent.before[3, axis] = position[row, axis], goal[row, axis]
     return draws, finds
