@@ -102,9 +102,11 @@ class DragCheck:
         self._state = np.zeros(n, STATE)
         self._state["time"] = self._state["measured"] = np.nan
         self.evidence, self.missing = self._state["evidence"], self._state["measured"]
-        nothing = (frozen(np.zeros((0, *row))) for row in ((), (2,), (3,), (4,)))
-        unknown = np.zeros(0, np.bool_)
-        follow_drag(0.0, *nothing, unknown, unknown, self._state)  # compiled before the flight
+        age, force, velocity, attitude = (
+            frozen(np.zeros((0, *row))) for row in ((), (2,), (3,), (4,))
+        )
+        nobody = np.zeros(0, np.bool_)
+        follow_drag(0.0, age, force, velocity, attitude, nobody, nobody, self._state)  # compiled
 
     def check(self, telemetry: Telemetry, airborne: Mask, contradicted: Mask | None = None) -> Mask:
         """Return the agents that fly faster than they report: (N,).

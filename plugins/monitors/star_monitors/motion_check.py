@@ -90,8 +90,9 @@ class MotionCheck:
         self._state = np.zeros(n, STATE)
         for name in ("time", "velocity", "pull"):
             self._state[name] = np.nan
-        nothing = (frozen(np.zeros((0, *row))) for row in ((), (3,), (3,), (4,)))
-        compare(0.0, *nothing, np.zeros(0, np.bool_), self._state)  # compiled before the flight
+        age, motion, attitude = (frozen(np.zeros((0, *row))) for row in ((), (3,), (4,)))
+        nobody = np.zeros(0, np.bool_)
+        compare(0.0, age, motion, motion, attitude, nobody, self._state)  # compiled before flight
 
     def check(self, telemetry: Telemetry, airborne: Mask) -> Mask:
         """Return the agents that fly otherwise than they report: (N,).
