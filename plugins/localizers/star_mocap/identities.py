@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -14,18 +14,6 @@ GATE_SIGMAS: Final = 5.0
 MIN_GATE: Final = 0.1  # m: in 50 ms odometry errs by less, even while a drone is knocked
 START_GATE: Final = 0.3  # m, from the start in the mission: 0.15 m is an error for `star preflight`
 FAR: Final = 1e6  # m², cost of a pair outside of the gate: more pairs always cost less
-
-
-class Exchange(NamedTuple):
-    """A measurement with the label of one agent that is of another.
-
-    Attributes:
-        label: Row of the agent that the system names.
-        agent: Row of the agent that it is of.
-    """
-
-    label: int
-    agent: int
 
 
 def gates(covariance: Array, std: float, lag: Array, located: Mask) -> Array:
@@ -44,7 +32,7 @@ def gates(covariance: Array, std: float, lag: Array, located: Mask) -> Array:
 
 def assign(
     label: Rows, position: Array, predicted: Array, gate: Array
-) -> tuple[Rows, list[Exchange]]:
+) -> tuple[Rows, dict[int, int]]:
     """Return the agent of each measurement of one time, and the exchanged labels.
 
     A label within its agent's gate is right. All other measurements are assigned to the agents that
@@ -58,7 +46,8 @@ def assign(
         gate: (N,) m.
 
     Returns:
-        (K,) rows, `UNKNOWN` for measurements of no agent; and the labels of other agents.
+        (K,) rows, `UNKNOWN` for measurements of no agent; and the rows of the agents whose
+        measurements have the labels of others, by the rows of these.
 
     Example:
         >>> agents = np.array([[0.0, 0, 1], [1.0, 0, 1]])
@@ -74,7 +63,7 @@ def assign(
     rest = np.flatnonzero(~right)
     free = np.setdiff1d(np.flatnonzero(np.isfinite(predicted[:, 0])), label[right])
     if not (len(rest) and len(free)):
-        return agent, []
+        return agent, {}
     offset = position[rest, None] - predicted[None, free]  # (R, F, 3)
     squared = np.einsum("rfi,rfi->rf", offset, offset)
     near = squared <= gate[free] ** 2
@@ -82,4 +71,4 @@ def assign(
     within = near[rows, columns]
     agent[rest[rows[within]]] = free[columns[within]]
     exchanged = rest[named[rest] & (agent[rest] != UNKNOWN)]
-    return agent, [Exchange(int(label[k]), int(agent[k])) for k in exchanged.tolist()]
+    return agent, dict(zip(label[exchanged].tolist(), agent[exchanged].tolist(), strict=True))

@@ -9,11 +9,12 @@ whose scale is wrong: Gelb, "Applied Optimal Estimation" (1974), 4.5, augments a
 from __future__ import annotations
 
 import math
+from typing import Any, Final
 
 import numpy as np
 
 from star_core import Array, Rows
-from star_core.toolkit import compiled, subroutine
+from star_core.toolkit import compiled, subroutine, wrap_angle
 from star_mocap.odometry import SLIP, SLIP_SHARE, SLIP_TIME, WALK, YAW_WALK
 
 # The state, and columns of the history of reports.
@@ -27,54 +28,48 @@ CLIMB_WALK = 0.02**2  # m²/s
 STEP_UP = 0.05  # m, by which a height jumps over an edge that the ranger sees
 FLOOR = 1e-8  # m² or rad², least variance of a measurement
 ROUNDING = 1e-6  # s
-TWO_PI = 2 * math.pi
+
+FILTER: Final = np.dtype(
+    [
+        ("state", "f8", STATES),
+        ("covariance", "f8", (STATES, STATES)),
+        ("history", "f8", (HISTORY, COLUMNS)),  # reports, the newest at ``count % HISTORY - 1``
+        ("count", "i8"),  # reports so far
+        ("error", "f8", 2),  # m and s: standard deviation and correlation time of measurements
+    ],
+    align=True,
+)
+
+wrap = subroutine(wrap_angle)  # callable from kernels
 
 
 @compiled
-def move(
-    state: Array, covariance: Array, history: Array, count: Rows, report: Array, error: Array
-) -> None:
-    """Move every agent with a new report; in place.
+def move(filters: Any, report: Array) -> None:
+    """Move every agent with a new report.
 
     Args:
-        state: (N, 9) of each agent, map frame.
-        covariance: (N, 9, 9) of it.
-        history: (N, HISTORY, 8) reports of each agent, the newest at ``count % HISTORY - 1``.
-        count: (N,) number of its reports so far.
+        filters: (N,) records of `FILTER`, changed in place.
         report: (N, 8) newest report of each agent; NaN where there is none.
-        error: (N, 2) standard deviation, m, and correlation time, s, of its measured positions.
     """
-    for i in range(len(state)):
-        now = report[i, TIME]
+    for i in range(len(filters)):
+        agent, now = filters[i], report[i, TIME]
         if not math.isfinite(report[i].sum()):
             continue
-        newest = (count[i] - 1) % HISTORY
-        if count[i] > 0 and now <= history[i, newest, TIME]:
+        newest = (agent.count - 1) % HISTORY
+        if agent.count > 0 and now <= agent.history[newest, TIME]:
             continue
-        if count[i] > 0:
-            _move(state[i], covariance[i], history[i, newest], report[i], error[i])
-        history[i, count[i] % HISTORY] = report[i]
-        count[i] += 1
+        if agent.count > 0:
+            _move(agent, agent.history[newest], report[i])
+        agent.history[agent.count % HISTORY] = report[i]
+        agent.count += 1
 
 
 @compiled
-def correct(
-    state: Array,
-    covariance: Array,
-    history: Array,
-    count: Rows,
-    error: Array,
-    fix_agent: Rows,
-    fix: Array,
-) -> None:
-    """Correct the agents that were measured; in place.
+def correct(filters: Any, fix_agent: Rows, fix: Array) -> None:
+    """Correct the agents that were measured.
 
     Args:
-        state: As for `move`, like the next four.
-        covariance: As for `move`.
-        history: As for `move`.
-        count: As for `move`.
-        error: As for `move`.
+        filters: (N,) records of `FILTER`, changed in place.
         fix_agent: (K,) row of each measurement, in the order of their times.
         fix: (K, 9) time, x, y, z, yaw (NaN if not measured), the standard deviations of position
             and yaw, correlation time, and the variance by which an uncertain time adds to the
@@ -82,43 +77,43 @@ def correct(
     """
     gain, column = np.empty(STATES), np.empty(STATES)
     for k in range(len(fix_agent)):
-        i = fix_agent[k]
-        if count[i] == 0:
-            continue
-        _correct(state[i], covariance[i], history[i], count[i], error[i], fix[k], gain, column)
+        agent = filters[fix_agent[k]]
+        if agent.count > 0:
+            _correct(agent, fix[k], gain, column)
 
 
 @compiled
-def positions_at(state: Array, history: Array, count: Rows, time: float) -> Array:
+def positions_at(filters: Any, time: float) -> Array:
     """Return where the agents were at a time, s: (N, 3) m; NaN for those without a report.
 
     A time before all reports in the history counts as that of the first one.
     """
-    positions = np.full((len(state), 3), np.nan)
-    for i in range(len(state)):
-        if count[i] > 0:
-            newest = (count[i] - 1) % HISTORY
-            oldest = count[i] % HISTORY if count[i] > HISTORY else 0
-            qx, qy, qz, _, _ = _flown_since(
-                history[i], count[i], max(time, history[i, oldest, TIME])
-            )
-            turn = state[i, YAW] - history[i, newest, HEADING]
+    positions = np.full((len(filters), 3), np.nan)
+    for i in range(len(filters)):
+        agent = filters[i]
+        state, count = agent.state, agent.count
+        if count > 0:
+            newest = (count - 1) % HISTORY
+            oldest = count % HISTORY if count > HISTORY else 0
+            qx, qy, qz, _, _ = _flown_since(agent, max(time, agent.history[oldest, TIME]))
+            turn = state[YAW] - agent.history[newest, HEADING]
             cos, sin = math.cos(turn), math.sin(turn)
-            positions[i, 0] = state[i, X] - (cos * qx - sin * qy)
-            positions[i, 1] = state[i, Y] - (sin * qx + cos * qy)
-            positions[i, 2] = state[i, Z] - qz
+            positions[i, 0] = state[X] - (cos * qx - sin * qy)
+            positions[i, 1] = state[Y] - (sin * qx + cos * qy)
+            positions[i, 2] = state[Z] - qz
     return positions
 
 
 @subroutine
-def _move(x: Array, p: Array, last: Array, report: Array, error: Array) -> None:
+def _move(agent: Any, last: Array, report: Array) -> None:
     """Predict a state and its covariance from one report to the next."""
+    x, p, error = agent.state, agent.covariance, agent.error
     period = report[TIME] - last[TIME]
     turn = x[YAW] - last[HEADING]  # from the odometry frame to the map
     cos, sin = math.cos(turn), math.sin(turn)
     qx, qy, qz = report[QX] - last[QX], report[QY] - last[QY], report[QZ] - last[QZ]
     dx, dy = cos * qx - sin * qy, sin * qx + cos * qy
-    turned = (report[HEADING] - last[HEADING] + math.pi) % TWO_PI - math.pi
+    turned = wrap(report[HEADING] - last[HEADING])
     slip_kept = math.exp(-period / SLIP_TIME)
     error_kept = math.exp(-period / error[1]) if error[1] > 0.0 else 0.0
     x[X] += dx + period * x[SLIP_X]
@@ -151,25 +146,17 @@ def _move(x: Array, p: Array, last: Array, report: Array, error: Array) -> None:
 
 
 @subroutine
-def _correct(
-    x: Array,
-    p: Array,
-    history: Array,
-    count: int,
-    error: Array,
-    fix: Array,
-    gain: Array,
-    column: Array,
-) -> None:
+def _correct(agent: Any, fix: Array, gain: Array, column: Array) -> None:
     """Correct a state by a measured pose, compared with where the agent was at its time."""
-    if error[0] != fix[5] or error[1] != fix[7] or fix[7] == 0.0:
-        _new_error(x, p, error, fix)
-    newest = (count - 1) % HISTORY
-    since = history[newest, TIME] - fix[0]
-    qx, qy, qz, turned, early = _flown_since(history, count, fix[0])
+    x, p = agent.state, agent.covariance
+    if agent.error[0] != fix[5] or agent.error[1] != fix[7] or fix[7] == 0.0:
+        _new_error(agent, fix)
+    newest = (agent.count - 1) % HISTORY
+    since = agent.history[newest, TIME] - fix[0]
+    qx, qy, qz, turned, early = _flown_since(agent, fix[0])
     if early:
         return
-    turn = x[YAW] - history[newest, HEADING]
+    turn = x[YAW] - agent.history[newest, HEADING]
     cos, sin = math.cos(turn), math.sin(turn)
     dx, dy = cos * qx - sin * qy, sin * qx + cos * qy
     for axis in range(3):
@@ -182,18 +169,19 @@ def _correct(
             column[k] = p[k, axis] + p[k, ERROR + axis] + by_yaw * p[k, YAW] - by_slip * p[k, slip]
         variance = column[axis] + column[ERROR + axis] + by_yaw * column[YAW]
         variance += FLOOR + fix[8] - by_slip * column[slip]
-        _update(x, p, column, variance, fix[1 + axis] - expected, gain)
+        _update(agent, column, variance, fix[1 + axis] - expected, gain)
     if math.isfinite(fix[4]):
-        surprise = (fix[4] - x[YAW] + turned + math.pi) % TWO_PI - math.pi
+        surprise = wrap(fix[4] - x[YAW] + turned)
         for k in range(STATES):
             column[k] = p[k, YAW]
-        _update(x, p, column, column[YAW] + max(fix[6] * fix[6], FLOOR), surprise, gain)
+        _update(agent, column, column[YAW] + max(fix[6] * fix[6], FLOOR), surprise, gain)
 
 
 @subroutine
-def _new_error(x: Array, p: Array, error: Array, fix: Array) -> None:
+def _new_error(agent: Any, fix: Array) -> None:
     """Forget the error of the positioning system: the next one is independent of it."""
-    error[0], error[1] = fix[5], fix[7]
+    x, p = agent.state, agent.covariance
+    agent.error[0], agent.error[1] = fix[5], fix[7]
     for k in range(ERROR, STATES):
         for m in range(STATES):
             p[k, m] = 0.0
@@ -203,16 +191,14 @@ def _new_error(x: Array, p: Array, error: Array, fix: Array) -> None:
 
 
 @subroutine
-def _flown_since(
-    history: Array, count: int, time: float
-) -> tuple[float, float, float, float, bool]:
+def _flown_since(agent: Any, time: float) -> tuple[float, float, float, float, bool]:
     """Return how far an agent has flown and turned from a time to its newest report.
 
     Returns:
         x, y, z in the odometry frame, m; angle, rad; and whether the time is before all reports.
     """
-    newest = (count - 1) % HISTORY
-    at = newest
+    history, count = agent.history, agent.count
+    at = newest = (count - 1) % HISTORY
     for back in range(1, min(count, HISTORY)):
         if history[at, TIME] <= time:
             break
@@ -233,15 +219,14 @@ def _flown_since(
         qy -= share * (history[after, QY] - history[at, QY])
         qz -= share * (history[after, QZ] - history[at, QZ])
         step = history[after, HEADING] - history[at, HEADING]
-        turned -= share * ((step + math.pi) % TWO_PI - math.pi)
+        turned -= share * wrap(step)
     return qx, qy, qz, turned, rest < -ROUNDING
 
 
 @subroutine
-def _update(
-    x: Array, p: Array, column: Array, variance: float, surprise: float, gain: Array
-) -> None:
+def _update(agent: Any, column: Array, variance: float, surprise: float, gain: Array) -> None:
     """Correct a state by one number: `column` is its covariance with the state."""
+    x, p = agent.state, agent.covariance
     for k in range(STATES):
         gain[k] = column[k] / variance
     for k in range(STATES):

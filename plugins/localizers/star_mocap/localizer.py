@@ -25,7 +25,7 @@ from star_core import (
 from star_core.toolkit import SurfaceHeights, shortlist, wrap_angle, yaw_from_quaternion
 from star_mocap.forwarding import Forwarding
 from star_mocap.identities import UNKNOWN, assign, gates
-from star_mocap.kernel import COLUMNS, HISTORY, STATES, YAW, correct, move, positions_at
+from star_mocap.kernel import COLUMNS, FILTER, YAW, correct, move, positions_at
 from star_mocap.odometry import LAG_STD, REPORT_STD, START_STD
 from star_mocap.source import MocapSourceSpec
 from star_mocap.time_offset import TimeOffset
@@ -87,15 +87,12 @@ class Mocap:
         self._offset = None if latency is not None else TimeOffset(n)
         self._markers = track == "markers"
         self._errors = std, math.radians(yaw_std_deg), correlation_time
-        self._state = np.zeros((n, STATES))
+        self._filters = np.zeros(n, FILTER)
+        self._state, self._covariance = self._filters["state"], self._filters["covariance"]
         self._state[:, :3] = np.array([agent.start for agent in scene.agents])
         self._state[:, YAW] = [agent.yaw for agent in scene.agents]
-        self._covariance = np.zeros((n, STATES, STATES))
         self._covariance[:, range(3), range(3)] = START_STD**2
         self._covariance[:, YAW, YAW] = START_YAW**2
-        self._history = np.zeros((n, HISTORY, COLUMNS))
-        self._count = np.zeros(n, np.int64)
-        self._error = np.zeros((n, 2))
         # The last finite position and yaw in the odometry frame.
         self._reported = np.zeros((n, 3))
         self._heading = np.zeros(n)
@@ -110,10 +107,9 @@ class Mocap:
         self._forwarding = None
         if forward != "none":
             self._forwarding = Forwarding(scene, forward_rate, turns=forward == "extpose")
-        nothing, none = np.full((n, COLUMNS), np.nan), PoseFixes.none()
-        self._move(nothing)  # compiles, never in flight
-        self._correct(none, np.zeros(0))
-        positions_at(self._state, self._history, self._count, 0.0)
+        move(self._filters, np.full((n, COLUMNS), np.nan))  # compiles, never in flight
+        self._correct(PoseFixes.none(), np.zeros(0))
+        positions_at(self._filters, 0.0)
         self._began: float | None = None  # mission time 0 on the computer's clock, s
         self._system = None
         if system.get("source"):
@@ -135,7 +131,7 @@ class Mocap:
         )
         if self._forwarding is not None:
             self._forwarding.dead_reckon(report)
-        self._move(report)
+        move(self._filters, np.ascontiguousarray(report))
         speed = np.where(finite, np.linalg.norm(telemetry.velocity, axis=1), 0.0)
         fixes = self._identified(self._received(telemetry), speed)
         if self._offset is not None:
@@ -227,7 +223,7 @@ class Mocap:
         exchanged: dict[int, int] = {}
         for at in np.unique(time):
             rows = np.flatnonzero(time == at)
-            predicted = positions_at(self._state, self._history, self._count, at)
+            predicted = positions_at(self._filters, at)
             gate = gates(
                 self._covariance[:, :3, :3],
                 float(fixes.position_std[rows].max()),
@@ -235,7 +231,7 @@ class Mocap:
                 located,
             )
             agent[rows], wrong = assign(agent[rows], fixes.position[rows], predicted, gate)
-            exchanged |= {each.label: each.agent for each in wrong}
+            exchanged |= wrong
         self._note_exchange(exchanged)
         kept = np.flatnonzero(agent != UNKNOWN)
         return replace(fixes.of(kept), agent=agent[kept])
@@ -309,17 +305,6 @@ class Mocap:
         self._lost = (self._lost | lost) & ~fresh
         return fresh & self._all_seen
 
-    def _move(self, report: Array) -> None:
-        """Move the filters by (N, COLUMNS) reports."""
-        move(
-            self._state,
-            self._covariance,
-            self._history,
-            self._count,
-            np.ascontiguousarray(report),
-            self._error,
-        )
-
     def _correct(self, fixes: PoseFixes, variance: Array) -> None:
         """Correct the filters by measurements, in the order of their times.
 
@@ -338,12 +323,4 @@ class Mocap:
                 variance,
             ]
         )
-        correct(
-            self._state,
-            self._covariance,
-            self._history,
-            self._count,
-            self._error,
-            np.array(fixes.agent),
-            np.ascontiguousarray(table),
-        )
+        correct(self._filters, np.array(fixes.agent), np.ascontiguousarray(table))

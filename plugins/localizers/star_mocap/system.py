@@ -132,12 +132,7 @@ class CaptureFrames:
         points = np.array(points, float).reshape(-1, 3)
         if self._tilt:
             points = np.column_stack([points[:, 0], -points[:, 2], points[:, 1]])
-        every = Transform(
-            np.repeat(self._frame.yaw, len(points)),
-            np.repeat(self._frame.translation, len(points), axis=0),
-        )
-        moved: Array = every.apply(points)
-        return moved
+        return self._frame.apply(points)
 
 
 class MotionCapture(CaptureFrames):

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from star_mocap.identities import UNKNOWN, Exchange, assign, gates
+from star_mocap.identities import UNKNOWN, assign, gates
 
 AGENTS = np.array([[0.0, 0, 1], [0.4, 0, 1], [2.0, 0, 1]])
 GATE = np.full(3, 0.19)
@@ -17,7 +17,7 @@ def test_markers_are_assigned_to_the_nearest_agents_of_all() -> None:
     markers = np.array([[0.41, 0.01, 1], [1.99, 0, 1.01], [0.02, 0.0, 1]])
     agent, exchanged = assign(np.full(3, UNKNOWN), markers, AGENTS, GATE)
     assert agent.tolist() == [1, 2, 0]
-    assert exchanged == []
+    assert exchanged == {}
 
 
 def test_a_pair_that_costs_one_agent_more_costs_all_less() -> None:
@@ -35,13 +35,13 @@ def test_exchanged_labels_are_found() -> None:
     labels = np.array([1, 0, 2])
     agent, exchanged = assign(labels, AGENTS + 0.01, AGENTS, GATE)
     assert agent.tolist() == [0, 1, 2]
-    assert exchanged == [Exchange(1, 0), Exchange(0, 1)]
+    assert exchanged == {1: 0, 0: 1}
 
 
 def test_a_label_far_from_every_agent_is_not_used() -> None:
     agent, exchanged = assign(np.array([0]), np.array([[1.2, 0, 1]]), AGENTS, GATE)
     assert agent.tolist() == [UNKNOWN]
-    assert exchanged == []
+    assert exchanged == {}
 
 
 def test_agents_without_a_prediction_are_not_assigned() -> None:
