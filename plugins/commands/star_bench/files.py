@@ -11,6 +11,7 @@ from typing import Any, Final
 
 from star_bench.scenario import CEILING, HIGH, LOW, Scenario
 from star_bench.scenarios import Case
+from star_bench.table import COUNTS
 from star_core.toolkit import Progress
 
 IDEAL: Final = {"use": "sim", "noise": False, "profile": "ideal", "controller": "ideal"}
@@ -37,12 +38,7 @@ WORLDS: Final = tuple(dict.fromkeys(world for world, _ in SETTINGS))
 POSITIONS: Final = tuple(dict.fromkeys(positions for _, positions in SETTINGS))
 
 MEASURES: Final = (
-    "collisions.agent_agent",
-    "collisions.agent_obstacle",
-    "deadlocks",
-    "waits",
-    "min_separation_m",
-    "min_clearance_m",
+    *COUNTS.values(),
     "flight_time_s",
     "corrected",
     "compute_us",
