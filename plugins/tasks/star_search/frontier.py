@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import product
 from typing import Final
 
 import numpy as np
@@ -64,8 +63,6 @@ class Frontier:
         self._space = space
         alike = {view: Viewpoints(space, view) for view in dict.fromkeys(space.safe_views.values())}
         self._viewpoints = {row: alike[view] for row, view in space.safe_views.items()}
-        tried = {view: np.zeros(len(points.pose), np.bool_) for view, points in alike.items()}
-        self._tried = {row: tried[view] for row, view in space.safe_views.items()}
         self._trips: dict[int, Trip] = {}
         self._tries = np.zeros(space.coverage.outside + 1, np.int64)
         self._dwell = {
@@ -137,7 +134,7 @@ class Frontier:
             trip.arrival = estimate.time
         looked = trip.arrival is not None and estimate.time - trip.arrival >= self._dwell[row]
         if looked or estimate.time > trip.until:
-            self._tried[row][trip.viewpoint] = True
+            points.tried[trip.viewpoint] = True
             self._tries[trip.cells[unseen_cells[trip.cells]]] += 1
             self.drop(row)
         elif unseen == 0 or (trip.arrival is None and unseen < MIN_REMAINING * len(trip.cells)):
@@ -149,7 +146,7 @@ class Frontier:
         if not candidates.any():
             return None
         gain = candidates[points.cells].sum(axis=1)
-        gain[self._tried[row]] = 0
+        gain[points.tried] = 0
         edge = candidates & coverage.adjacent(coverage.seen)
         at_edge = edge[points.cells].any(axis=1)
         if (gain[at_edge] > 0).any():
@@ -193,6 +190,7 @@ class Viewpoints:
         pose: (V, 3) x, y and yaw, map frame, m and rad.
         cells: (V, M) cells of the coverage map that are seen from each, or its `outside`.
         node: (V,) row in the lattice.
+        tried: (V,) viewpoints at which a scout looked, or which it gave up.
     """
 
     def __init__(self, space: SearchSpace, view: FieldOfView) -> None:
@@ -205,6 +203,7 @@ class Viewpoints:
         cells = space.coverage.visible(view, pose)
         useful = space.coverage.required[cells].any(axis=1)
         self.pose, self.cells, self.node = pose[useful], cells[useful], node[useful]
+        self.tried = np.zeros(len(self.pose), np.bool_)
 
     def distance(self, position: Array) -> Array:
         """(V,) length of the path from a position to each viewpoint, m; inf if there is none."""
@@ -230,9 +229,7 @@ def _lattice(space: SearchSpace) -> tuple[Array, csr_array]:
     number = np.cumsum(free).reshape(free.shape) - 1
     i, j = np.nonzero(free)
     begins, ends, lengths = [], [], []
-    for di, dj in product((0, 1), (-1, 0, 1)):
-        if (di, dj) in {(0, 0), (0, -1)}:
-            continue
+    for di, dj in ((0, 1), (1, -1), (1, 0), (1, 1)):
         passable = free[i + di, j + dj]
         begins.append(number[i, j][passable])
         ends.append(number[i + di, j + dj][passable])
