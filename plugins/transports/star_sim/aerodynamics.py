@@ -16,7 +16,7 @@ from star_sim.airframe import CYCLE, DRAG_XY, DRAG_Z, HEIGHT, INERTIA_XY, MASS
 from star_sim.contact import SWEEP
 from star_sim.drone import OFF, Record
 from star_sim.powertrain import DRAG, MOMENT
-from star_sim.sensors import gauss_markov
+from star_sim.sensors import gauss_markov, streams
 
 # Downwash. The air below a quadrotor is a turbulent jet (Bauersfeld, Muller, Ziegler, Coletti and
 # Scaramuzza, "Robotics meets Fluid Dynamics: A Characterization of the Induced Airflow below a
@@ -67,7 +67,7 @@ class Wind:
     ) -> None:
         self._velocity, self._std = np.array(velocity, float), gusts
         self._keep = math.exp(-CYCLE / gust_time)
-        self._streams = [np.random.default_rng([seed, _STREAM, row]) for row in range(agents)]
+        self._streams = streams(seed, _STREAM, agents)
         self._last = gusts * np.stack([stream.standard_normal(3) for stream in self._streams])
 
     def block(self, cycles: int) -> Array:

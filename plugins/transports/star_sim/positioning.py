@@ -13,6 +13,7 @@ from star_core import Array, Mask, PoseFixes, Rows
 from star_core.toolkit import Fault, quaternion_from_euler, yaw_from_quaternion
 from star_sim.airframe import STEP
 from star_sim.drone import Drones
+from star_sim.sensors import streams
 
 _STREAM: Final = 7337
 _STREAM_OF_SYSTEM: Final = 7339  # of delays, of the order of markers, and of faults
@@ -64,7 +65,7 @@ class Positioning:
         timestamps: bool = True,
         markers: bool = False,
     ) -> None:
-        self._streams = [np.random.default_rng([seed, _STREAM, row]) for row in range(agents)]
+        self._streams = streams(seed, _STREAM, agents)
         self._std, self._correlation_time = std, correlation_time
         self._yaw_std = None if yaw_std_deg is None else math.radians(yaw_std_deg)
         self._period, self._latency = 1 / rate, latency

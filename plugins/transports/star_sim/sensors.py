@@ -37,7 +37,7 @@ COUNTS = PIXELS * CYCLE / 0.1  # per (m/s)/m: a count is a tenth of a pixel
 LEAST_HEIGHT = 0.1  # m
 OUTLIER = 100  # counts
 
-_TEXTURE_STREAM, _ERROR_STREAM, _NOISE_STREAM = 7331, 7332, 7333
+_TEXTURE_STREAM, _ERROR_STREAM, NOISE_STREAM = 7331, 7332, 7333
 _BIAS_STREAM, _WANDER_STREAM = 7334, 7335
 WANDERING = 7  # errors that change slowly: columns of `Wander.block`
 
@@ -57,25 +57,14 @@ def draw_texture(seed: int) -> Array:
 
 
 def draw_errors(drones: Drones, profile: ErrorProfile, seed: int) -> None:
-    """Draw each drone's constant sensor errors and the offset of its start position.
-
-    Each agent has its own random stream, so its errors do not depend on the number of agents.
-    """
+    """Draw each drone's constant sensor errors and the offset of its start position."""
     drones["flow_noise"], drones["gyro_noise"] = profile.flow_noise, profile.gyro_noise
-    constant = np.stack(
-        [
-            np.random.default_rng([seed, _BIAS_STREAM, row]).standard_normal(4)
-            for row in range(len(drones))
-        ]
+    constant, draws = (
+        np.stack([each.standard_normal(count) for each in streams(seed, stream, len(drones))])
+        for stream, count in ((_BIAS_STREAM, 4), (_ERROR_STREAM, 10))
     )
     drones["accelerometer_bias"] = profile.accelerometer_bias * constant[:, :3]
     drones["ranger_bias"] = profile.ranger_bias * constant[:, 3]
-    draws = np.stack(
-        [
-            np.random.default_rng([seed, _ERROR_STREAM, row]).standard_normal(10)
-            for row in range(len(drones))
-        ]
-    )
     drones["scale"] = SCALE * draws[:, 0]
     turn = MISALIGNMENT * draws[:, 1]
     drones["misalignment"] = np.stack([np.cos(turn), np.sin(turn)], axis=1)
@@ -90,9 +79,15 @@ def draw_errors(drones: Drones, profile: ErrorProfile, seed: int) -> None:
     drones["slip"] = np.stack([np.cos(yaw), -np.sin(yaw)], axis=1)
 
 
-def noise_streams(seed: int, agents: int) -> list[np.random.Generator]:
-    """Return one stream of sensor noise for each agent."""
-    return [np.random.default_rng([seed, _NOISE_STREAM, row]) for row in range(agents)]
+def streams(seed: int, number: int, agents: int) -> list[np.random.Generator]:
+    """Return a random stream of each agent, so that what it draws depends on no other agent.
+
+    Args:
+        seed: Of the flight.
+        number: Of what is drawn.
+        agents: Number of agents.
+    """
+    return [np.random.default_rng([seed, number, row]) for row in range(agents)]
 
 
 def gauss_markov(drive: Array, keep: float | Array, last: Array) -> Array:
@@ -123,9 +118,7 @@ class Wander:
     """
 
     def __init__(self, profile: ErrorProfile, seed: int, agents: int) -> None:
-        self._streams = [
-            np.random.default_rng([seed, _WANDER_STREAM, row]) for row in range(agents)
-        ]
+        self._streams = streams(seed, _WANDER_STREAM, agents)
         gyro, acceleration = profile.gyro_wander, profile.accelerometer_wander
         self._std = np.array([profile.flow_scale_wander, *[gyro] * 3, *[acceleration] * 3])
         self._white = np.array([0.0, *[profile.gyro_noise] * 3, *[profile.accelerometer_noise] * 3])

@@ -48,12 +48,13 @@ from star_sim.positioning import Positioning
 from star_sim.radio_link import RadioLink
 from star_sim.reports import arrive
 from star_sim.sensors import (
+    NOISE_STREAM,
     TEXTURE_POINTS,
     WANDERING,
     Wander,
     draw_errors,
     draw_texture,
-    noise_streams,
+    streams,
 )
 from star_sim.steering import Steering
 
@@ -138,7 +139,7 @@ class Simulator:
         if noise:
             draw_errors(self.drones, profile, scene.seed)
             self._texture = draw_texture(scene.seed)
-            self._streams = noise_streams(scene.seed, n)
+            self._streams = streams(scene.seed, NOISE_STREAM, n)
         self._order = np.argsort(self.drones["position"] @ SWEEP, kind="stable")
         self._keys = np.zeros(n)
         self.fusion: Fusion | InertialFusion = Fusion(n)

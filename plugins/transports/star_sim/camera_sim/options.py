@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any
 
@@ -22,14 +22,13 @@ def of_profile(maximum: float, description: str) -> dict[str, Any]:
     }
 
 
-def _option(schema: Mapping[str, Any]) -> Any:
-    """Return the field of an option with a schema."""
-    return field(metadata=schema)
+def _by_profile(maximum: float, description: str) -> Any:
+    return field(metadata=of_profile(maximum, description))
 
 
 def _number(default: float, maximum: float, description: str, type_: str = "number") -> Any:
-    schema = of_profile(maximum, description) | {"type": type_, "default": default}
-    return _option(schema | {"description": description})
+    schema = {"type": type_, "minimum": 0, "maximum": maximum, "description": description}
+    return field(metadata=schema | {"default": default})
 
 
 def _count(maximum: int, description: str) -> Any:
@@ -40,8 +39,8 @@ def _count(maximum: int, description: str) -> Any:
 class CameraOptions:
     """The values of the options; the metadata of a field is its schema."""
 
-    mode: str = _option(
-        {
+    mode: str = field(
+        metadata={
             "enum": list(MODES),
             "default": "rendered",
             "description": "rendered sends images; geometric sends tag corners without images, "
@@ -57,8 +56,8 @@ class CameraOptions:
         "Fraction of tags in an image that get the id of another tag; rendered images show "
         "the pattern of that tag.",
     )
-    timestamps: bool = _option(
-        {
+    timestamps: bool = field(
+        metadata={
             "type": "boolean",
             "description": "Whether images carry the time of their exposure; without, localizers "
             "infer it from their arrival; by default as in the profile.",
@@ -68,34 +67,32 @@ class CameraOptions:
     corner_noise_std: float = _number(
         0.2, 10, "Standard deviation of a corner in u and in v, px; with mode: geometric."
     )
-    latency_offset_std: float = _option(
-        of_profile(
-            1, "Standard deviation of each camera's constant difference from the latency, s."
-        )
+    latency_offset_std: float = _by_profile(
+        1, "Standard deviation of each camera's constant difference from the latency, s."
     )
-    survey_std: float = _option(
-        of_profile(1, "Standard deviation of a sheet's position along each of its axes, m.")
+    survey_std: float = _by_profile(
+        1, "Standard deviation of a sheet's position along each of its axes, m."
     )
-    survey_yaw_std_deg: float = _option(
-        of_profile(45, "Standard deviation of a sheet's rotation on its surface, degrees.")
+    survey_yaw_std_deg: float = _by_profile(
+        45, "Standard deviation of a sheet's rotation on its surface, degrees."
     )
-    survey_height_std: float = _option(
-        of_profile(1, "Standard deviation of a sheet's position across its surface, m.")
+    survey_height_std: float = _by_profile(
+        1, "Standard deviation of a sheet's position across its surface, m."
     )
-    survey_tilt_std_deg: float = _option(
-        of_profile(45, "Standard deviation of a sheet's tilt about each of its axes, degrees.")
+    survey_tilt_std_deg: float = _by_profile(
+        45, "Standard deviation of a sheet's tilt about each of its axes, degrees."
     )
-    mounting_std_deg: float = _option(
-        of_profile(45, "Standard deviation of a camera's attitude about each of its axes, degrees.")
+    mounting_std_deg: float = _by_profile(
+        45, "Standard deviation of a camera's attitude about each of its axes, degrees."
     )
-    mounting_position_std: float = _option(
-        of_profile(0.1, "Standard deviation of a camera's position along each axis, m.")
+    mounting_position_std: float = _by_profile(
+        0.1, "Standard deviation of a camera's position along each axis, m."
     )
-    focal_length_std: float = _option(
-        of_profile(0.2, "Standard deviation of a camera's focal length, as a fraction.")
+    focal_length_std: float = _by_profile(
+        0.2, "Standard deviation of a camera's focal length, as a fraction."
     )
-    image_center_std: float = _option(
-        of_profile(50, "Standard deviation of the optical axis in u and in v, px.")
+    image_center_std: float = _by_profile(
+        50, "Standard deviation of the optical axis in u and in v, px."
     )
     exposure_step: float = _number(
         0.0, 0.9, "Greatest relative change of brightness by auto-exposure, every ten images."
@@ -111,8 +108,8 @@ class CameraOptions:
     clutter: int = _count(
         1000, "Number of squares on the floor with a tag's paper and border, without its code."
     )
-    covered: Sequence[str] = _option(
-        {
+    covered: Sequence[str] = field(
+        metadata={
             "type": "array",
             "items": {"type": "string"},
             "uniqueItems": True,
