@@ -28,7 +28,7 @@ from star_mocap.identities import UNKNOWN, assign, gates
 from star_mocap.kernel import COLUMNS, FILTER, YAW, correct, move, positions_at
 from star_mocap.odometry import LAG_STD, REPORT_STD, START_STD
 from star_mocap.source import MocapSourceSpec
-from star_mocap.time_offset import TimeOffset
+from star_mocap.time_offset import Latency, TimeOffset
 
 if TYPE_CHECKING:
     from star_mocap.system import MapFrame
@@ -83,8 +83,9 @@ class Mocap:
         n = len(scene.agents)
         self._scene = scene
         self._max_report_age, self._max_pose_age = max_report_age, max_pose_age
-        self._latency = latency
         self._offset = None if latency is not None else TimeOffset(n)
+        # Of measurements without a time.
+        self._latency = Latency() if latency is None else Latency(latency, 0.0)
         self._markers = track == "markers"
         self._errors = std, math.radians(yaw_std_deg), correlation_time
         self._filters = np.zeros(n, FILTER)
@@ -134,8 +135,7 @@ class Mocap:
         move(self._filters, np.ascontiguousarray(report))
         speed = np.where(finite, np.linalg.norm(telemetry.velocity, axis=1), 0.0)
         fixes = self._identified(self._received(telemetry), speed)
-        if self._offset is not None:
-            self._note_latency(telemetry, fixes)
+        self._note_latency(telemetry, fixes)
         timed, lag = self._timed(fixes, speed)
         self._correct(timed, lag)
         np.maximum.at(self._measured, timed.agent, timed.time)
@@ -215,7 +215,7 @@ class Mocap:
         """Return the measurements that are of an agent, with the right one."""
         if not len(fixes.agent):
             return fixes
-        late, uncertain = self._late()
+        late, uncertain = self._latency
         time = np.where(np.isfinite(fixes.taken), fixes.taken, fixes.arrived - late)
         timed = bool(np.isfinite(fixes.taken).all())
         located = np.isfinite(self._measured)
@@ -246,21 +246,15 @@ class Mocap:
                 )
         self._exchanged = exchanged
 
-    def _late(self) -> tuple[float, float]:
-        """Return the latency of measurements without a time, and its standard deviation, s."""
-        if self._offset is None:
-            return float(self._latency or 0.0), 0.0
-        return self._offset.latency
-
     def _note_latency(self, telemetry: Telemetry, fixes: PoseFixes) -> None:
         """Estimate the latency of measurements without a time, and report the first estimate."""
         offset = self._offset
         if offset is None or not len(fixes.agent) or np.isfinite(fixes.taken).any():
             return
         offset.add(telemetry.time, telemetry.odometry, fixes)
-        if offset.latency.std <= REPORTED_STD and not self._offset_reported:
+        self._latency = seconds, std = offset.latency
+        if std <= REPORTED_STD and not self._offset_reported:
             self._offset_reported = True
-            seconds, std = offset.latency
             self._messages.append(
                 f"motion capture is {1e3 * seconds:.0f} ms late (± {1e3 * std:.0f} ms), by speeds"
             )
@@ -268,7 +262,7 @@ class Mocap:
     def _timed(self, fixes: PoseFixes, speed: Array) -> tuple[PoseFixes, Array]:
         """Return measurements with times, and the (K,) variances that uncertain ones add, m²."""
         unknown = ~np.isfinite(fixes.taken)
-        late, uncertain = self._late()
+        late, uncertain = self._latency
         lag = np.where(unknown, speed[fixes.agent] * uncertain, 0.0)
         return replace(fixes, taken=np.where(unknown, fixes.arrived - late, fixes.taken)), lag**2
 

@@ -27,15 +27,15 @@ AGENTS: Final = 8  # that are compared, those with the most motion
 
 
 class Latency(NamedTuple):
-    """An estimate.
+    """An estimate; by default that before anything is measured.
 
     Attributes:
         seconds: From the measurement to its arrival, s.
         std: Standard deviation, s.
     """
 
-    seconds: float
-    std: float
+    seconds: float = FIRST
+    std: float = FIRST_STD
 
 
 class TimeOffset:
@@ -53,7 +53,7 @@ class TimeOffset:
     """
 
     def __init__(self, agents: int) -> None:
-        self.latency = Latency(FIRST, FIRST_STD)
+        self.latency = Latency()
         self._reported: list[deque[tuple[float, float]]] = [deque() for _ in range(agents)]
         self._measured: list[deque[tuple[float, float]]] = [deque() for _ in range(agents)]
         self._due = 0.0  # s
