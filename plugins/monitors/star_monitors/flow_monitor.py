@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from star_core import Array, Scene
+from star_core import Scene
 from star_core.toolkit import Misreport, Report, Stage, TickState, Use, some
 from star_monitors.drag_check import DragCheck
 from star_monitors.motion_check import MotionCheck
@@ -46,7 +46,11 @@ class FlowMonitor:
             text = f"{self._names[row]} brakes: it flies faster than it reports, by its {by}"
             text += "; does its flow sensor see the floor?"
             yield Report("estimate", text, self._names[row])
-        away, faster = map(estimate.map_from_odom.turn, self._errors())
+        by_tilt, by_drag = self._motion.errors(), self._drag.errors()
+        away, faster = (
+            estimate.map_from_odom.turn(tilt + drag)
+            for tilt, drag in zip(by_tilt, by_drag, strict=True)
+        )
         yield Use(
             "estimate",
             replace(
@@ -56,9 +60,4 @@ class FlowMonitor:
                 valid=estimate.valid & ~contradicted,
             ),
         )
-        yield Misreport(self._motion.errors()[1], tilts)
-
-    def _errors(self) -> tuple[Array, Array]:
-        """Return the differences of (N, 3) positions, m, and velocities, m/s, from the reports."""
-        by_tilt, by_drag = self._motion.errors(), self._drag.errors()
-        return by_tilt[0] + by_drag[0], by_tilt[1] + by_drag[1]
+        yield Misreport(by_tilt[1], tilts)

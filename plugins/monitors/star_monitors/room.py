@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from star_core import Array, Estimate, Mask, Rows, Scene
+from star_core import Array, Estimate, Mask, Rows, Scene, Transform
 from star_core.toolkit import (
     ALONE_SHARE,
     CONTACT_RADIUS,
@@ -16,7 +16,6 @@ from star_core.toolkit import (
     Pairs,
     Walls,
     compiled,
-    frozen,
     nearest_wall,
     walls,
 )
@@ -89,8 +88,9 @@ class Room:
         self._braking = 2 * LAG * limits.speed  # m, in which two agents that meet stop, at most
         self._fence = np.array([scene.world.fence.low[:2], scene.world.fence.high[:2]], float)
         self._walls = walls(scene.world.obstacles)
-        none = frozen(np.zeros((0, 3))), frozen(np.zeros((0, 3))), frozen(np.zeros((0, 3, 3)))
-        self._measure(*none, np.zeros(0), np.zeros(0, np.bool_), np.zeros(0, np.bool_), 1.0)
+        none, nothing, nobody = np.zeros(0), np.zeros((0, 3)), np.zeros(0, np.bool_)
+        now = Estimate(0, nothing, nothing, none, np.zeros((0, 3, 3)), nobody, Transform.none())
+        self.measure(now, none, nobody, nobody, 1.0)  # compiled before the flight
 
     def measure(
         self, estimate: Estimate, std: Array, steered: Mask, airborne: Mask, min_use: float
@@ -107,24 +107,11 @@ class Room:
         Returns:
             The second is None if all agents need hardly any room to walls.
         """
-        tables = estimate.position, estimate.velocity, estimate.covariance
-        return self._measure(*tables, std, steered, airborne, min_use)
-
-    def _measure(
-        self,
-        position: Array,
-        velocity: Array,
-        covariance: Array,
-        std: Array,
-        steered: Mask,
-        airborne: Mask,
-        min_use: float,
-    ) -> tuple[bool, WallRoom | None]:
-        n = len(position)
+        tables, n = (estimate.position, estimate.velocity, estimate.covariance), len(std)
         walls = WallRoom(np.empty(n), np.empty((n, 2)), np.empty(n), np.empty(n, np.int64))
         limit = self._margin_limit if self._limited else math.inf
         enough, needs = measure(
-            *(*walls, position, velocity, covariance, std, steered, airborne),
+            *(*walls, *tables, std, steered, airborne),
             *(self._walls, self._fence, self._deviations, limit, min_use),
         )
         return enough, walls if needs else None

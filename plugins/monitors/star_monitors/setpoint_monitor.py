@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from star_core import Array, Goals, Mask, Scene, Setpoint
+from star_core import Array, Estimate, Goals, Mask, Scene, Setpoint, Transform
 from star_core.toolkit import (
     BRAKING_GAIN,
     LAG,
@@ -102,17 +102,16 @@ class SetpointMonitor:
         self._fence = np.array([scene.world.fence.low, scene.world.fence.high])
         self._state = np.zeros(n, STATE)
         self._state["before"] = self._state["start"] = np.nan
-        nothing, at_rest = frozen(np.zeros((0, 3))), Setpoint.none(0)  # of the types in flight
-        covariance = frozen(np.zeros((0, 3, 3)))
-        self._follow(nothing, nothing, covariance, Goals.none(0), at_rest, at_rest)  # compiled
+        none, nothing, nobody = np.zeros(0), np.zeros((0, 3)), np.zeros(0, np.bool_)
+        now = Estimate(0, nothing, nothing, none, np.zeros((0, 3, 3)), nobody, Transform.none())
+        self._follow(now, Goals.none(), Setpoint.none(), Setpoint.none())  # compiled before flight
 
     def check(self, state: TickState) -> Iterator[Use | Strike]:
         """Yield the avoider's setpoint, drawn in from the fence, and what is wrong, by plugin."""
         now, goals, avoided = state.estimate, state.goals, state.setpoint
         if some(state.redirected):  # the core stops them on their way to their goals
             goals = replace(goals, active=goals.active & ~state.redirected)
-        tables = now.position, now.velocity, now.covariance
-        velocity, draws, finds = self._follow(*tables, goals, avoided, state.planned)
+        velocity, draws, finds = self._follow(now, goals, avoided, state.planned)
         if draws:
             yield Use("setpoint", replace(avoided, velocity=frozen(velocity)))
         if not finds:
@@ -126,20 +125,14 @@ class SetpointMonitor:
             yield Strike(kind, reason)
 
     def _follow(
-        self,
-        position: Array,
-        flown: Array,
-        covariance: Array,
-        goals: Goals,
-        avoided: Setpoint,
-        planned: Setpoint,
+        self, now: Estimate, goals: Goals, avoided: Setpoint, planned: Setpoint
     ) -> tuple[Array, bool, bool]:
-        velocity = np.empty(position.shape)
+        velocity = np.empty(now.position.shape)
         draws, finds = follow(
             velocity,
-            position,
-            flown,
-            covariance,
+            now.position,
+            now.velocity,
+            now.covariance,
             goals.position,
             goals.velocity,
             goals.active,
