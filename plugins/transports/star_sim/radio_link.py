@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from star_core import Array, Mask
+from star_core import Array, Mask, Rows
 from star_sim.airframe import CYCLE, NEVER, STEP
 from star_sim.error_profile import ErrorProfile
 from star_sim.estimator import SAMPLE
@@ -53,19 +53,20 @@ class RadioLink:
             self._packets.popleft()[1]()
         self.next_step = self._packets[0][0] if self._packets else NEVER
 
-    def receive(self, samples: list[Array]) -> tuple[Array, Mask]:
-        """Return the samples that are due, (cycles, N, SAMPLE), and which of them arrive.
+    def receive(self, samples: list[Array]) -> tuple[Rows, Array]:
+        """Return the samples that arrive: the rows of their drones, (K,), and (K, SAMPLE).
 
         Args:
             samples: (N, SAMPLE) of the drones, one for each cycle since the last call.
         """
         self._late += samples
         count = max(0, len(self._late) - round(self._profile.report_delay / CYCLE))
-        due, self._late = self._late[:count], self._late[count:]
-        if not due:
-            return np.zeros((0, *self.newest.shape)), np.zeros((0, len(self.newest)), np.bool_)
-        heard = self._random.random((count, len(self.newest))) >= self._profile.report_loss
-        return np.array(due), heard
+        due = np.array(self._late[:count]).reshape(count, *self.newest.shape)
+        self._late = self._late[count:]
+        heard = self._random.random(due.shape[:2]) >= self._profile.report_loss
+        agent, arrived = np.nonzero(heard)[1], due[heard]
+        self.newest[agent] = arrived  # of several the last one
+        return agent, arrived
 
     def reports(self, now: float) -> tuple[Array, Array, Array, Array, Array]:
         """Return the newest state heard of each agent, in its odometry frame.

@@ -1,50 +1,13 @@
-"""What arrives from the drones: samples of their estimators, and the newest report of each."""
+"""What the newest samples of the estimators say of the drones."""
 
 from __future__ import annotations
 
 import math
 
-from star_core import Array, Mask, Rows
+from star_core import Array
 from star_core.toolkit import compiled
 
 POSITION, YAW, FORCE = 7, 10, 11  # first columns of a sample: z, then x and y
-
-
-@compiled
-def arrive(
-    samples: Array,
-    heard: Mask,
-    newest: Array,
-    agent: Rows,
-    time: Array,
-    velocity: Array,
-    rates: tuple[Array, Array, Array, Array],
-) -> None:
-    """Write the samples that arrive into the columns of a table, and the newest of each drone.
-
-    Args:
-        samples: (cycles, N, SAMPLE) as `star_sim.estimator.believe` writes them.
-        heard: (cycles, N) those that arrive: K of them.
-        newest: (N, SAMPLE) changed: the last sample of each drone.
-        agent: (K,) output: rows of the drones.
-        time: (K,) output: s.
-        velocity: (K, 3) output: m/s.
-        rates: (K,) outputs: yaw rate, rad/s, roll and pitch, rad, and height, m.
-    """
-    yaw_rate, roll, pitch, height = rates
-    k = 0
-    for cycle in range(samples.shape[0]):
-        for row in range(samples.shape[1]):
-            if not heard[cycle, row]:
-                continue
-            sample = samples[cycle, row]
-            for column in range(len(sample)):
-                newest[row, column] = sample[column]
-            agent[k], time[k] = row, sample[0]
-            for axis in range(3):
-                velocity[k, axis] = sample[1 + axis]
-            yaw_rate[k], roll[k], pitch[k], height[k] = sample[4], sample[5], sample[6], sample[7]
-            k += 1
 
 
 @compiled

@@ -46,7 +46,6 @@ from star_sim.onboard import Onboard
 from star_sim.pieces import Piece, Queue, pieces_of
 from star_sim.positioning import Positioning
 from star_sim.radio_link import RadioLink
-from star_sim.reports import arrive
 from star_sim.sensors import (
     NOISE_STREAM,
     TEXTURE_POINTS,
@@ -146,7 +145,6 @@ class Simulator:
         self._normals = np.zeros((BLOCK, n, 4))
         self._samples = np.zeros((BLOCK, n, SAMPLE))
         self._arrived: list[Array] = []  # (N, SAMPLE) of each cycle since the last `receive`
-        self._newest = np.zeros((n, SAMPLE))  # sample of each drone
         self._wander = Wander(profile, scene.seed, n) if noise and profile.imu else None
         # (BLOCK, N, WANDERING) errors of the current block.
         self._imu = None if self._wander is None else np.zeros((BLOCK, n, WANDERING))
@@ -418,18 +416,11 @@ class Simulator:
     def _odometry(self) -> Odometry:
         samples, self._arrived = self._arrived, []
         if self._link is not None:
-            newest = self._link.newest
-            table, heard = self._link.receive(samples)
+            agent, arrived = self._link.receive(samples)
         else:
-            newest = self._newest
-            table = np.array(samples).reshape(len(samples), *newest.shape)
-            heard = np.ones(table.shape[:2], np.bool_)
-        k = np.count_nonzero(heard)
-        agent, time, velocity = np.empty(k, np.int64), np.empty(k), np.empty((k, 3))
-        rates = np.empty(k), np.empty(k), np.empty(k), np.empty(k)
-        arrive(table, heard, newest, agent, time, velocity, rates)
-        freeze(agent, time, velocity, *rates)
-        return Odometry(agent, time, velocity, *rates)
+            agent = np.tile(np.arange(len(self.drones)), len(samples))
+            arrived = np.array(samples).reshape(-1, SAMPLE)
+        return Odometry(agent, arrived[:, 0], arrived[:, 1:4], *arrived[:, 4:8].T)
 
 
 class Pace:
