@@ -133,7 +133,7 @@ def standing(position: NDArray[np.float64], yaw: NDArray[np.float64], charge: fl
     drones["motors_time"] = -np.inf
     drones["charge"] = charge
     drones["capacity"] = discharge.CAPACITY
-    drones["voltage"] = np.interp(charge, np.linspace(0, 1, 11), discharge.VOLTAGE_OF_CHARGE)
+    drones["voltage"] = np.interp(charge, discharge.CHARGE, discharge.VOLTAGE_OF_CHARGE)
     drones["thrust_limit"] = airframe.THRUST_MAX if charge > 0 else 0.0
     return drones
 
