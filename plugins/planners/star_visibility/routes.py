@@ -65,9 +65,8 @@ class Routes:
         self._starts = [agent.start for agent in scene.agents]
         self.clearance = clearance
         self._clearances = {"clearance": clearance, "vertical_clearance": vertical_clearance}
-        self._stay_goals: list[
-            Array
-        ] = []  # (3,) goals within the clearances at which agents were, m
+        # (3,) goals within the clearances at which agents were, m.
+        self._stay_goals: list[Array] = []
         self._narrow = narrow
         fence = world.fence if narrow is None else shrunk(world.fence, clearance - narrow.clearance)
         low, high = scene.limits.height
