@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import math
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
-from star_core.messages.arrays import Array, Mask, Rows, frozen
+from star_core.messages.arrays import Array, Mask, Rows
 from star_core.messages.commands import Order
 from star_core.messages.telemetry import Supervisor, Telemetry
 from star_core.safety.agents_in_the_way import FALL_TIME, MAX_REPORT_AGE, WATCHDOG_TIME
-from star_core.toolkit.jit import compiled
 
 TAKEOFF_DELAY: Final = 2.0  # s after the command, by which a drone that takes off reports to fly
 MIN_DESCENT: Final = 0.1  # m since the command, after which a landing counts as begun
@@ -68,8 +66,6 @@ class GroundEvidence:
         self._steered_since = np.full(n, np.inf)  # s, first setpoint since the last command
         self._steered_at = np.full(n, -np.inf)  # s, last setpoint
         self.steered_seen = np.zeros(n, np.bool_)
-        nothing = np.zeros(0), np.zeros(0, np.int64), np.zeros((0, 3))
-        self._note(0.0, *map(frozen, nothing))  # compiled before the flight
 
     def steered(self, time: float, active: Mask) -> None:
         """Note at a time, s, which agents setpoints are sent to: (N,)."""
@@ -95,21 +91,18 @@ class GroundEvidence:
 
     def observe(self, time: float, telemetry: Telemetry) -> None:
         """Note the reports of a tick at a time, s."""
-        self._note(time, telemetry.age, telemetry.state, telemetry.position)
-
-    def _note(self, *reports: Any) -> None:
-        note(  # type: ignore[call-arg]  # those that it has
-            *reports,
-            self._reported,
-            self._state,
-            self._height,
-            self._top,
-            self._flew,
-            self.steered_seen,
-            self._steered_since,
-            self._lands,
-            self._landing_seen,
-        )
+        at = time - telemetry.age
+        new = at > self._reported + JITTER
+        self._reported = np.where(new, at, self._reported)
+        self._state = np.where(new, telemetry.state, self._state)
+        self._height = np.where(new, telemetry.position[:, 2], self._height)
+        self._top = np.fmax(self._top, self._height)
+        flies = new & (self._state & FLYING != 0)
+        self._flew |= flies
+        on_board = self._state & ACTIVE != 0
+        self.steered_seen |= flies & ~on_board & (at > self._steered_since + JITTER)
+        descends = (self._state & FINISHED == 0) & (self._height < self._top - MIN_DESCENT)
+        self._landing_seen |= flies & on_board & descends & self._lands
 
     def heard(self, time: float) -> Mask:
         """Return which agents have reported lately, at a time, s: (N,)."""
@@ -157,53 +150,3 @@ class GroundEvidence:
         """Return which agents have ended a landing that was seen to begin: (N,)."""
         landed: Mask = self._landing_seen & (time >= self._land_until + LANDING_DELAY)
         return landed
-
-
-@compiled
-def note(  # noqa: PLR0913, PLR0917 -- the state of `GroundEvidence`, in one pass
-    time: float,
-    age: Array,
-    state: Rows,
-    position: Array,
-    reported: Array,
-    last_state: Rows,
-    height: Array,
-    top: Array,
-    flew: Mask,
-    steered_seen: Mask,
-    steered_since: Array,
-    lands: Mask,
-    landing_seen: Mask,
-) -> None:
-    """Add the reports of a tick to the state of `GroundEvidence`, which is changed.
-
-    Args:
-        time: Of the tick, s.
-        age: (N,) of the reports, s.
-        state: (N,) bits of `Supervisor`.
-        position: (N, 3) m.
-        reported: (N,) s.
-        last_state: (N,) bits of `Supervisor`.
-        height: (N,) m.
-        top: (N,) m.
-        flew: (N,).
-        steered_seen: (N,).
-        steered_since: (N,) s.
-        lands: (N,).
-        landing_seen: (N,).
-    """
-    for row in range(len(age)):
-        at = time - age[row]
-        new = at > reported[row] + JITTER
-        if new:
-            reported[row], last_state[row], height[row] = at, state[row], position[row, 2]
-        if height[row] > top[row] or math.isnan(top[row]):
-            top[row] = height[row]
-        if not new or last_state[row] & FLYING == 0:
-            continue
-        flew[row] = True
-        if last_state[row] & ACTIVE == 0:
-            if at > steered_since[row] + JITTER:
-                steered_seen[row] = True
-        elif last_state[row] & FINISHED == 0 and height[row] < top[row] - MIN_DESCENT:
-            landing_seen[row] = landing_seen[row] or lands[row]
