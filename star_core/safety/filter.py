@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from star_core.geometry.neighbours import Pairs, warm_up
+from star_core.geometry.neighbours import Pairs
 from star_core.messages.arrays import Array, Mask, Rows
 from star_core.messages.events import Corrected
 from star_core.messages.position_margin import MAX_MARGIN_RATIO, WALL_RADIUS, position_margin
@@ -71,7 +71,7 @@ class SafetyFilter:
         )  # over the one without margins
         widest = max(most * self._separation, self._vertical_separation)
         self.reach = widest + min(1.5 * room, wide)  # some approach faster than allowed
-        self._warm_up(len(scene.agents))
+        self._warm_up()
 
     def filter(
         self, estimate: Estimate, safe: Setpoint, planned: Setpoint, near: Pairs
@@ -154,13 +154,12 @@ class SafetyFilter:
         )
         return Setpoint.made(velocity, yaw, planned.active), Corrected(*changed)
 
-    def _warm_up(self, agents: int) -> None:
+    def _warm_up(self) -> None:
         """Compile the kernels, or load them from disk, before the flight."""
         two, level, both = np.zeros((2, 3)), np.zeros(2), np.ones(2, np.bool_)
         frames, setpoint = Transform(level, two), Setpoint(two, level, both)
         estimate = Estimate(0.0, two, two, level, np.zeros((2, 3, 3)), both, frames)
         self.filter(estimate, setpoint, setpoint, Pairs.of(estimate.position, self.reach))
-        warm_up(agents)
 
 
 MAX_ITERATIONS: Final = 30
