@@ -57,19 +57,14 @@ class SafetyFilter:
     def __init__(self, scene: Scene) -> None:
         self._fence = np.array([scene.world.fence.low, scene.world.fence.high])
         self._walls = walls(scene.world.obstacles)
-        self._speed = scene.limits.speed
-        self._brakes = scene.limits.acceleration
-        self._separation = scene.limits.separation
-        self._vertical_separation = scene.limits.vertical_separation
-        self._uncertainty_margin = scene.limits.uncertainty_margin
+        self._limits = limits = scene.limits
         self._period = scene.period
-        closing = 2 * self._speed
-        room = closing * (LAG + max(1 / BRAKING_GAIN, scene.period + closing / (4 * self._brakes)))
+        closing = 2 * limits.speed
+        duration = LAG + max(1 / BRAKING_GAIN, scene.period + closing / (4 * limits.acceleration))
+        room = closing * duration
         wide = math.dist(scene.world.fence.low, scene.world.fence.high)
-        most = (
-            1 + MAX_MARGIN_RATIO if self._uncertainty_margin else 1.0
-        )  # over the one without margins
-        widest = max(most * self._separation, self._vertical_separation)
+        most = 1 + MAX_MARGIN_RATIO if limits.uncertainty_margin else 1.0  # over that without one
+        widest = max(most * limits.separation, limits.vertical_separation)
         self.reach = widest + min(1.5 * room, wide)  # some approach faster than allowed
         self._warm_up()
 
@@ -85,18 +80,40 @@ class SafetyFilter:
             planned: Its active rows are sent.
             near: Pairs of agents within `reach`, at least.
         """
-        extended_estimate, extended = with_possible_positions(estimate, planned)
-        if extended_estimate is estimate:
-            return self._filter(estimate, safe, planned, near)
-        _, answered = with_possible_positions(estimate, safe)
-        near = Pairs.of(extended_estimate.position, self.reach)
-        sent, changed = self._filter(extended_estimate, answered, extended, near)
-        n = len(planned.yaw)
+        n, limits = len(planned.yaw), self._limits
+        possible, requested = with_possible_positions(estimate, planned)
+        if possible is not estimate:
+            _, safe = with_possible_positions(estimate, safe)
+            near = Pairs.of(possible.position, self.reach)
+        near = near.within(self.reach if limits.separation > 0 else 0.0)
+        velocity, yaw = np.empty(safe.velocity.shape), np.empty(len(safe.yaw))
+        changed = np.empty((4, len(yaw)), np.bool_)
+        correct(
+            velocity,
+            yaw,
+            changed,
+            safe.velocity,
+            safe.yaw,
+            safe.active,
+            requested.yaw,
+            requested.active,
+            possible.position,
+            possible.velocity,
+            position_margin(possible.covariance, limits.uncertainty_margin, WALL_RADIUS),
+            position_margin(possible.covariance, limits.uncertainty_margin, limits.separation / 2),
+            near.first,
+            near.second,
+            self._walls,
+            self._fence,
+            limits.speed,
+            limits.acceleration,
+            limits.separation,
+            limits.vertical_separation,
+            self._period,
+        )
         return (
-            Setpoint(sent.velocity[:n], sent.yaw[:n], sent.active[:n]),
-            Corrected(
-                changed.fence[:n], changed.speed[:n], changed.separation[:n], changed.obstacle[:n]
-            ),
+            Setpoint.made(velocity[:n], yaw[:n], planned.active),
+            Corrected(*changed[:, :n]),
         )
 
     def keep_trajectories(self, safe: Setpoint, planned: Setpoint, estimate: Estimate) -> Setpoint:
@@ -121,38 +138,6 @@ class SafetyFilter:
         near = np.minimum(LEAD_AT_REST + speed / TRACKING_GAIN, MAX_LEAD)
         followed &= np.vecdot(away, away) <= near**2
         return safe.following(planned, followed)
-
-    def _filter(
-        self, estimate: Estimate, safe: Setpoint, planned: Setpoint, near: Pairs
-    ) -> tuple[Setpoint, Corrected]:
-        """Filter tables that list every position at which an agent may be."""
-        velocity, yaw = np.empty(safe.velocity.shape), np.empty(len(safe.yaw))
-        changed = np.empty((4, len(yaw)), np.bool_)
-        near = near.within(self.reach if self._separation > 0 else 0.0)
-        correct(
-            velocity,
-            yaw,
-            changed,
-            safe.velocity,
-            safe.yaw,
-            safe.active,
-            planned.yaw,
-            planned.active,
-            estimate.position,
-            estimate.velocity,
-            position_margin(estimate.covariance, self._uncertainty_margin, WALL_RADIUS),
-            position_margin(estimate.covariance, self._uncertainty_margin, self._separation / 2),
-            near.first,
-            near.second,
-            self._walls,
-            self._fence,
-            self._speed,
-            self._brakes,
-            self._separation,
-            self._vertical_separation,
-            self._period,
-        )
-        return Setpoint.made(velocity, yaw, planned.active), Corrected(*changed)
 
     def _warm_up(self) -> None:
         """Compile the kernels, or load them from disk, before the flight."""
