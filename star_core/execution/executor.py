@@ -231,7 +231,7 @@ class StepExecutor:
         unlocated = [row for row in team.rows if not self._tick.estimate.valid[row]]
         wait = f", not located yet: {scene.named(unlocated)}" if unlocated else ""
         log(f"begins{until}{wait}", action, team.rows, rounds)
-        run = StepRun.begin(action, team, self._tick, self._instructions, self._shared, rounds)
+        run = StepRun(action, team, self._tick, self._instructions, self._shared, rounds)
         self.steps.append(run.entry)
         ends = self._tasks.spec(action).after == "ground"
         while (result := run.step(self._tick, self._instructions))[0] is Status.RUNNING:

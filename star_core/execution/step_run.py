@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any, Final, Self, TypeAlias
+from dataclasses import dataclass
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 
@@ -129,85 +129,70 @@ class Execution:
         }
 
 
-@dataclass(slots=True)
 class StepRun:
-    """A running step.
+    """A running step, which begins when it is made.
+
+    Args:
+        shared: With the other steps.
 
     Attributes:
         action: The step.
         rounds: Of the ``repeat`` around it.
         team: Its agents.
-        version: The version of the assignments that `team` is of.
-        task: Made by a plugin.
-        guard: Names that plugin.
         timeout: Of the step, s.
-        begun: Mission time at which it began, s.
         entry: Of ``steps`` in ``summary.json``.
-        shared: With the other steps.
-        goal_check: Of its goals.
     """
 
-    action: Action
-    rounds: Rounds
-    team: Team
-    version: int
-    task: Task
-    guard: PluginGuard
-    timeout: float
-    begun: float
-    entry: dict[str, Any]
-    shared: Execution
-    goal_check: GoalCheck = field(default_factory=GoalCheck)
-
-    @classmethod
-    def begin(
-        cls,
+    def __init__(
+        self,
         action: Action,
         team: Team,
         tick: TickContext,
         instructions: Instructions,
         shared: Execution,
         rounds: Rounds,
-    ) -> Self:
-        """Begin a step for a team."""
-        task, guard = shared.tasks.take(action, team.rows)
-        limit = _begin_task(action, task, guard, tick, instructions)
-        entry = {
+    ) -> None:
+        self.action, self.rounds, self.team = action, rounds, team
+        self._shared = shared
+        self._version = shared.assignments.version  # that `team` is of
+        self._task, self._guard = shared.tasks.take(action, team.rows)
+        self._begun = tick.time
+        self.timeout = self._begin_task(tick, instructions)
+        self._goal_check = GoalCheck()
+        self.entry: dict[str, Any] = {
             **shared.details(action, team.rows, rounds),
             "begun_s": tick.time,
             "ended_s": None,
             "outcome": None,
         }
-        version = shared.assignments.version
-        return cls(action, rounds, team, version, task, guard, limit, tick.time, entry, shared)
 
     def step(self, tick: TickContext, instructions: Instructions) -> tuple[Status, str]:
         """Run one tick of the step; return its status, and the reason of its failure."""
-        if self.version != self.shared.assignments.version:
+        if self._version != self._shared.assignments.version:
             self._update_team(tick, instructions)
         if not self.team.rows:
             return Status.FAILURE, "no agent is left for it"
         instructions.doing.append(f"{self.action.verb} {self.team.label}")
         if reason := self._disabled(tick):
             return Status.FAILURE, reason
-        output = self.guard.attempt(
-            self.shared.strikes,
+        output = self._guard.attempt(
+            self._shared.strikes,
             lambda: instructions.add(
-                self.task.step(tick.estimate, tick.health),
+                self._task.step(tick.estimate, tick.health),
                 self.team.members,
-                self.shared.tasks.trajectories,
-                self.goal_check,
+                self._shared.tasks.trajectories,
+                self._goal_check,
             ),
             TaskOutput,
         )
         for message in output.messages:
             text = f"{self.action.verb}: {message}"
-            self.shared.report("task", text, self.action, self.team.rows, self.rounds)
+            self._shared.report("task", text, self.action, self.team.rows, self.rounds)
         if output.status is Status.SUCCESS or self._is_until_met(tick):
             return Status.SUCCESS, ""
         if output.status is Status.FAILURE:
             return Status.FAILURE, output.reason or "failed and gave no reason"
-        if tick.time - self.begun >= self.timeout:
+        if tick.time - self._begun >= self.timeout:
             return (
                 Status.FAILURE,
                 f"timed out after {self.timeout:.3g} s{self._late(tick, instructions)}",
@@ -218,13 +203,13 @@ class StepRun:
         """Return which agents cannot continue and why, if any."""
         if not (tick.disabled or tick.refusals or tick.unreachable):
             return ""
-        names = self.shared.scene.names
+        names = self._shared.scene.names
         reasons = [
             f"{names[row]} is {tick.disabled[row]}"
             for row in self.team.rows
             if row in tick.disabled
         ]
-        if tick.time > self.begun:  # otherwise they are about the previous step
+        if tick.time > self._begun:  # otherwise they are about the previous step
             for text, by_row in (("", tick.refusals), ("cannot get there: ", tick.unreachable)):
                 rows = (row for row in self.team.rows if row in by_row)
                 reasons += [f"{names[row]} {text}{by_row[row]}" for row in rows]
@@ -234,7 +219,7 @@ class StepRun:
         """Return why agents have not finished, as far as the core can see."""
         reasons, goals = [], instructions.goals
         for row in self.team.rows:
-            name = self.shared.scene.agents[row].name
+            name = self._shared.scene.agents[row].name
             phase = AgentPhase(tick.health.phase[row])
             away = float(np.linalg.norm(goals.position[row] - tick.estimate.position[row]))
             if not tick.estimate.valid[row]:
@@ -257,54 +242,52 @@ class StepRun:
         A task without a method for the change is made again. An agent that fills an empty slot
         waits for the next step if the task has no `on_agents_added`.
         """
-        assignments = self.shared.assignments
-        self.version = assignments.version
-        program = self.shared.tasks.program(self.action)
+        assignments = self._shared.assignments
+        self._version = assignments.version
+        program = self._shared.tasks.program(self.action)
         before, now = self.team.holders, assignments.holders(self.action.rows, program)
         if now == before:
             return
         instructions.free |= set(before.values()) - set(now.values())
         kept = {slot: now[slot] for slot in before if slot in now}
         swaps = [(before[slot], row) for slot, row in kept.items() if before[slot] != row]
-        self.team = Team.of(kept, self.shared.scene)
+        self.team = Team.of(kept, self._shared.scene)
         if not kept:
             return
-        task, fewer = self.task, len(kept) < len(before)
+        task, fewer = self._task, len(kept) < len(before)
         if (swaps and not isinstance(task, ReplacesAgents)) or (
             fewer and not isinstance(task, RemovesAgents)
         ):
             instructions.free.update(self.team.rows)
-            self.task, _ = self.shared.tasks.take(self.action, self.team.rows)
-            limit = _begin_task(self.action, self.task, self.guard, tick, instructions)
+            self._task, _ = self._shared.tasks.take(self.action, self.team.rows)
+            limit = self._begin_task(tick, instructions)
             if self.action.timeout is None:
-                self.timeout = tick.time - self.begun + limit
+                self.timeout = tick.time - self._begun + limit
             return
-        with self.guard:
+        with self._guard:
             if isinstance(task, ReplacesAgents):
                 for old, new in swaps:
                     task.on_agent_replaced(old, new)
             if fewer and isinstance(task, RemovesAgents):
                 task.on_agents_removed(self.team.rows)
             if len(kept) < len(now) and isinstance(task, AddsAgents):
-                self.team = Team.of(now, self.shared.scene)
+                self.team = Team.of(now, self._shared.scene)
                 task.on_agents_added(self.team.rows)
 
     def _is_until_met(self, tick: TickContext) -> bool:
         """Return whether the step's ``until`` holds."""
         until = self.action.until
-        return until is not None and self.shared.holds(until, tick, self.team.rows, self.begun)
+        return until is not None and self._shared.holds(until, tick, self.team.rows, self._begun)
 
-
-def _begin_task(
-    action: Action, task: Task, guard: PluginGuard, tick: TickContext, instructions: Instructions
-) -> float:
-    """Begin a task; return the timeout of its step, s."""
-    with guard:
-        if isinstance(task, ContinuesFrom):
-            task.continue_from(instructions.goals.goals())
-        limit = checked_timeout(task.begin(tick.estimate, tick.health))
-    wait = None if action.until is None else action.until.longest_wait
-    return step_timeout(limit, wait, action.timeout)
+    def _begin_task(self, tick: TickContext, instructions: Instructions) -> float:
+        """Begin the task; return the timeout of the step, s."""
+        task, action = self._task, self.action
+        with self._guard:
+            if isinstance(task, ContinuesFrom):
+                task.continue_from(instructions.goals.goals())
+            limit = checked_timeout(task.begin(tick.estimate, tick.health))
+        wait = None if action.until is None else action.until.longest_wait
+        return step_timeout(limit, wait, action.timeout)
 
 
 class TaskPool:
