@@ -60,8 +60,8 @@ class GoalDraft:
         self._yaw[some_or_all] = goals.yaw[some_or_all]
         self._speed[some_or_all] = goals.speed[some_or_all]
         self.active[some_or_all] = True
-        self._acceleration = _merged(self._acceleration, goals.acceleration, some_or_all)
-        self._yaw_rate = _merged(self._yaw_rate, goals.yaw_rate, some_or_all)
+        self._acceleration = merged(self._acceleration, goals.acceleration, some_or_all)
+        self._yaw_rate = merged(self._yaw_rate, goals.yaw_rate, some_or_all)
 
     def hold(self, rows: Mask, estimate: Estimate, speed: float) -> None:
         """Set the goals of some agents, (N,), to their positions."""
@@ -87,16 +87,16 @@ class GoalDraft:
         )
 
 
-def _merged(column: Array | None, other: Array | None, rows: Rows | slice) -> Array | None:
-    """Return an optional column of goals with some rows of another."""
+def merged(column: Array | None, other: Array | None, rows: Rows | Mask | slice) -> Array | None:
+    """Return an optional column of goals or setpoints with some rows of another."""
     if column is None and other is None:
         return None
     if column is None:
-        merged: Array = np.full_like(other, np.nan)
+        both: Array = np.full_like(other, np.nan)
     else:
-        merged = column.copy()
-    merged[rows] = np.nan if other is None else other[rows]
-    return merged
+        both = column.copy()
+    both[rows] = np.nan if other is None else other[rows]
+    return both
 
 
 @dataclass(slots=True)

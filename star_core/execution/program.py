@@ -12,8 +12,8 @@ import numpy as np
 from star_core.errors import InputError, StarError, suggestion
 from star_core.execution.assignments import Assignments
 from star_core.execution.executor import StartedStep, StepExecutor
-from star_core.execution.instructions import Instructions
-from star_core.messages.arrays import Array, Rows, require_type, some
+from star_core.execution.instructions import Instructions, merged
+from star_core.messages.arrays import Rows, require_type, some
 from star_core.messages.commands import Command
 from star_core.messages.state import AgentPhase, Goals, Plan, Setpoint
 from star_core.mission import Action, Mission, OnFailure
@@ -169,18 +169,16 @@ class Program:
             return plan
         own, planned = self._setpoint, plan.setpoint
         self._setpoint = self._no_setpoint
-        column = rows[:, None]
         setpoint = Setpoint(
-            np.where(column, own.velocity, planned.velocity),
+            np.where(rows[:, None], own.velocity, planned.velocity),
             np.where(rows, own.yaw, planned.yaw),
             planned.active | rows,
         )
-        shape = setpoint.velocity.shape
         both = replace(
             setpoint,
-            position=np.where(column, *_columns(own.position, planned.position, shape)),
-            acceleration=np.where(column, *_columns(own.acceleration, planned.acceleration, shape)),
-            yaw_rate=np.where(rows, *_columns(own.yaw_rate, planned.yaw_rate, rows.shape)),
+            position=merged(planned.position, own.position, rows),
+            acceleration=merged(planned.acceleration, own.acceleration, rows),
+            yaw_rate=merged(planned.yaw_rate, own.yaw_rate, rows),
         )
         setpoint = setpoint.following(both, both.followed())
         return replace(plan, setpoint=setpoint, unreachable=plan.unreachable & ~rows)
@@ -219,11 +217,3 @@ class Program:
             if not problem.warning:
                 where = "".join(f"{key}: " for key in problem.path)
                 yield f"{where}{problem.message} [{problem.code}]"
-
-
-def _columns(
-    first: Array | None, second: Array | None, shape: tuple[int, ...]
-) -> tuple[Array, Array]:
-    """Return two optional columns of a shape, NaN where there is none."""
-    unknown = np.full(shape, np.nan)
-    return unknown if first is None else first, unknown if second is None else second
