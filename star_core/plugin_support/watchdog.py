@@ -12,27 +12,17 @@ from collections.abc import Callable
 from contextlib import suppress
 from time import monotonic
 from types import FrameType
-from typing import Final, Protocol, Self
+from typing import TYPE_CHECKING, Final, Self
 
 from star_core.plugin_support.guard import PluginTimeout
+
+if TYPE_CHECKING:
+    from star_core.plugin_support.compute_time import Stopwatch
 
 MAX_CALL_TIME: Final = 10.0  # s, of one call in simulation
 MAX_REALTIME_CALL_TIME: Final = 1.0  # s, of one call where mission time advances by itself
 MAX_FIRST_CALL_TIME: Final = 60.0  # s, of the first call of a plugin: it may import and compile
 MAX_NATIVE_TIME: Final = 60.0  # s of processor time, for each processor, without a line of Python
-
-
-class WatchedCall(Protocol):
-    """The call of a plugin, as the watchdog sees it.
-
-    Attributes:
-        ticks: Number of earlier ticks in which the plugin was called. Its first call may take
-            longer.
-        waits: Whether it is the transport, which then can not brake.
-    """
-
-    ticks: int
-    waits: bool
 
 
 class Watchdog:
@@ -64,7 +54,7 @@ class Watchdog:
         self.armed = False
         self.realtime = realtime
         self.begun = self._seen = 0.0
-        self.call: WatchedCall | None = None
+        self.call: Stopwatch | None = None
         self._late = 0  # expiries beyond the limit, in the call that began at `_seen`
 
     def __enter__(self) -> Self:
@@ -95,7 +85,7 @@ class Watchdog:
         call = self.call
         if call is None:
             return
-        if self.realtime and not call.waits:
+        if self.realtime and not call.waits:  # the transport could not brake
             self._brake()
         if self.begun != self._seen:
             self._seen, self._late = self.begun, 0
