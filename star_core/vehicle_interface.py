@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from star_core.messages.arrays import Mask, Rows, every, frozen, some
+from star_core.messages.arrays import Mask, Rows, frozen, some
 from star_core.messages.commands import Command, Order
 from star_core.messages.state import AIRBORNE, AgentPhase, Estimate, Health, Setpoint
 from star_core.messages.telemetry import Supervisor, Telemetry
@@ -152,14 +152,10 @@ class VehicleInterface:
         fall.
         """
         active = self.steered(estimate)
-        if planned.position is not None:
-            bare = Setpoint(planned.velocity, planned.yaw, planned.active)
-            return self.setpoint(bare, estimate).following(planned, planned.followed() & active)
-        if every(planned.active):
-            return Setpoint.made(planned.velocity, planned.yaw, active)
         velocity = np.where(planned.active[:, None], planned.velocity, 0.0)
         yaw = np.where(planned.active, planned.yaw, estimate.yaw)
-        return Setpoint.made(velocity, yaw, active)
+        bare = Setpoint.made(velocity, yaw, active)
+        return bare.following(planned, planned.followed() & active)
 
     def steered(self, estimate: Estimate) -> Mask:
         """Return which agents setpoints fly: (N,)."""

@@ -145,9 +145,6 @@ class Contacts:
         flattened = np.sqrt(np.vecdot(offset, offset))
         close = (flattened <= self._limit + HYSTERESIS) | (near.distance < COLLISION_DISTANCE)
         near, flattened = near.where(close), flattened[close]
-        if not len(near.first):
-            self._touching.clear()
-            return self.finish()
         events = []
         rows = [*zip(near.first.tolist(), near.second.tolist(), strict=True)]
         distances = dict(zip(rows, near.distance.tolist(), strict=True))

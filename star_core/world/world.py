@@ -48,10 +48,7 @@ class Fence:
         >>> Fence((-1, -1, 0), (1, 1, 2)).contains((0.0, 0.5, 3.0))
         False
         """
-        return all(
-            low <= value <= high
-            for low, value, high in zip(self.low, point, self.high, strict=True)
-        )
+        return self.distance(point) == 0.0
 
     def distance(self, point: Point) -> float:
         """Return the distance of `point` (map frame, m) outside the fence, m; 0 inside.
