@@ -343,16 +343,18 @@ class ControlLoop:
                 reason=reason,
                 wall_time=wall_time,
                 took=self._pipeline.took(),
-                steps=self._executor.steps,
-                targets=self._vehicles.targets.summary(),
             )
             | self._vehicles.timing.summary()
             | self._pipeline.compute_time.summary()
         )
-        lists = {key: summary.pop(key) for key in ("targets", "steps", "events")}
-        measures = self._observers.measures(summary.keys() | lists.keys())
-        lists["events"] = [*map(event_record, self._observers.events)]
-        return summary | measures | lists
+        measures = self._observers.measures({*summary, "targets", "steps", "events"})
+        return {
+            **summary,
+            **measures,
+            "targets": self._vehicles.targets.summary(),
+            "steps": list(self._executor.steps),
+            "events": [*map(event_record, self._observers.events)],
+        }
 
     def _landed(self) -> MissionStatus | None:
         """Return the status of landing all agents; None if that is not what the flight does."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any, Final
 
@@ -81,10 +81,8 @@ class FlightSummary:
         reason: str,
         wall_time: float,
         took: Mapping[str, float],
-        steps: Sequence[Mapping[str, Any]],
-        targets: Mapping[str, Any],
     ) -> dict[str, Any]:
-        """Return the contents of ``summary.json``, without its events; unknown figures are None.
+        """Return the core's figures in ``summary.json``; unknown ones are None.
 
         Args:
             mission: Its name.
@@ -92,8 +90,6 @@ class FlightSummary:
             reason: Why it did not complete.
             wall_time: Duration in wall time, s.
             took: Computing time of each kind of plugin, s.
-            steps: That began, with their outcomes.
-            targets: That were found.
         """
         names = self._scene.names
         flight_time = self._time - (self._begun or 0.0)
@@ -118,9 +114,6 @@ class FlightSummary:
             "corrected": dict(self._corrected),
             "min_separation_m": _finite_or_none(self.contacts.separation),
             "min_clearance_m": _finite_or_none(self.contacts.clearance),
-            "targets": targets,
-            "steps": list(steps),
-            "events": [],
         }
 
 

@@ -84,8 +84,6 @@ def summed(meter: FlightSummary, wall_time: float = 2.0) -> dict[str, Any]:
         reason="",
         wall_time=wall_time,
         took={},
-        steps=[],
-        targets={"found": 0, "total": 0, "list": []},
     )
 
 
