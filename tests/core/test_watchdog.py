@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import signal
-from types import SimpleNamespace
+import time
 
 import pytest
 
 from star_core.plugin_support import watchdog
+from star_core.plugin_support.compute_time import Stopwatch
 from star_core.plugin_support.guard import PluginTimeout
 from star_core.plugin_support.watchdog import Watchdog
 
@@ -36,7 +37,7 @@ class Watched:
     def begin(self, *, first: bool = False, transport: bool = False) -> None:
         """Begin a call, as a plugin's stopwatch does."""
         self.dog.begun = self.now
-        self.dog.call = SimpleNamespace(ticks=0 if first else 1, waits=transport)
+        self.dog.call = Stopwatch(time.monotonic, waits=transport, ticks=int(not first))
 
     def interrupted_after(self, step: float, *, first: bool, transport: bool = False) -> float:
         """Return the time after which a call is interrupted, if the timer expires every `step`."""
