@@ -115,6 +115,28 @@ class Jump:
     plausible: float
 
 
+STATE: Final = np.dtype([
+    ("accepted_at", np.float64),  # s, of the last accepted position, like the next two
+    ("accepted_position", np.float64, 3),  # m
+    ("accepted_covariance", np.float64, (3, 3)),  # m²
+    ("flown", np.float64, 3),  # m, since then, by the reported velocities
+    ("reach", np.float64),  # m, that the agent can have flown since then besides
+    ("unexplained", np.float64),  # m, recently
+    ("rejected", np.bool_),  # whether its positions have been rejected since then
+    ("corrected", np.bool_),  # whether its position has been corrected
+    ("still_path", np.float64),  # m, that it reports since its estimate last moved
+    ("reports", np.bool_),  # whether it has reported a velocity
+    ("spoiled_until", np.float64),  # s
+    ("above", np.float64),  # m, height in the map less the reported one
+    ("last_position", np.float64, 3),  # m, in the last tick
+    ("last_velocity", np.float64, 3),  # m/s, reported then
+    ("accepted", np.bool_),  # whether the estimate of this tick is accepted
+    ("stands", np.bool_),  # whether the last accepted position stays instead
+    ("jump", np.float64, 3),  # m, s and m of a new `Jump`; NaN without one
+])  # fmt: skip
+"""State of one agent in an `EstimateGate`."""
+
+
 class EstimateGate:
     """Compares each estimated position with the last one that was accepted.
 
@@ -142,24 +164,12 @@ class EstimateGate:
 
     def __init__(self, n: int, speed: float) -> None:
         self._speed = max(SPEED_RATIO * speed, MIN_PLAUSIBLE_SPEED)
-        self._time = np.zeros(n)  # s, of the last position that was accepted
-        self._position = np.full((n, 3), np.nan)
-        self._covariance = np.zeros((n, 3, 3))
+        self._state = np.zeros(n, STATE)
+        for name in ("accepted_position", "above", "last_position", "last_velocity"):
+            self._state[name] = np.nan
+        self._state["spoiled_until"] = -np.inf
         self._frames = Transform(np.zeros(n), np.zeros((n, 3)))
-        self._unexplained = np.zeros(n)  # m, recently
-        self._rejected = np.zeros(n, np.bool_)
-        self._corrected = np.zeros(n, np.bool_)  # agents whose positions have been corrected
-        self._flown = np.zeros((n, 3))  # m, since then, by the reported velocities
-        self._range = np.zeros(n)  # m, that the agents can have flown since then besides
-        self._still_path = np.zeros(n)  # m, that agents report since their estimates last moved
-        self._reports = np.zeros(n, np.bool_)  # agents that have reported velocities
-        self._spoiled_until = np.full(n, -np.inf)  # s
-        self._above = np.full(n, np.nan)  # m, height in the map less the reported one
-        self._last_time = 0.0  # s, of the last tick, like the next two
-        self._last_position = np.full((n, 3), np.nan)
-        self._last_velocity = np.full((n, 3), np.nan)  # m/s, reported
-        self._accepted, self._stands = np.zeros((2, n), np.bool_)  # in this tick, or stays
-        self._jumps = np.empty((n, 3))  # m, s, m: the fields of `Jump` in this tick
+        self._last_time = 0.0  # s, of the last tick
         self._judge(0.0, *_nothing(), self._frames.yaw)  # compiled before the flight
 
     def check(
@@ -185,50 +195,31 @@ class EstimateGate:
             position,
             self._frames.yaw,
         )
-        self._last_time = estimate.time
+        state, self._last_time = self._state, estimate.time
         frames = estimate.map_from_odom
-        if not every(self._accepted):
-            frames = frames.where(self._accepted, self._frames)
+        if not every(state["accepted"]):
+            frames = frames.where(state["accepted"], self._frames)
         self._frames = frames
         if not stands:
             return estimate, ()
         jumps = [
-            Jump(row, *self._jumps[row].tolist())
-            for row in np.flatnonzero(~np.isnan(self._jumps[:, 0])).tolist()
+            Jump(row, *state["jump"][row].tolist())
+            for row in np.flatnonzero(~np.isnan(state["jump"][:, 0])).tolist()
         ]
-        column = self._stands[:, None]
+        column = state["stands"][:, None]
         return replace(
             estimate,
-            position=np.where(column, self._position, estimate.position),
+            position=np.where(column, state["accepted_position"], estimate.position),
             velocity=np.where(column, 0.0, estimate.velocity),
-            covariance=np.where(column[..., None], self._covariance, estimate.covariance),
-            valid=self._accepted.copy(),
-            map_from_odom=self._frames.where(self._stands, estimate.map_from_odom),
+            covariance=np.where(
+                column[..., None], state["accepted_covariance"], estimate.covariance
+            ),
+            valid=state["accepted"].copy(),
+            map_from_odom=self._frames.where(state["stands"], estimate.map_from_odom),
         ), jumps
 
-    def _judge(self, *tick: Any) -> bool:
-        return judge(  # type: ignore[call-arg]  # those that it has
-            *tick,
-            self._speed,
-            float(self._last_time),
-            self._last_position,
-            self._last_velocity,
-            self._time,
-            self._position,
-            self._covariance,
-            self._unexplained,
-            self._rejected,
-            self._corrected,
-            self._flown,
-            self._range,
-            self._still_path,
-            self._reports,
-            self._spoiled_until,
-            self._above,
-            self._accepted,
-            self._stands,
-            self._jumps,
-        )
+    def _judge(self, time: float, *tick: Any) -> bool:
+        return judge(time, time - self._last_time, self._speed, self._state, *tick)
 
 
 def _nothing() -> tuple[Any, ...]:
@@ -242,6 +233,9 @@ def _nothing() -> tuple[Any, ...]:
 @compiled
 def judge(  # noqa: C901, PLR0912, PLR0913, PLR0915, PLR0917 -- the gate, in one pass
     time: float,
+    seconds: float,
+    top_speed: float,
+    state: Any,
     position: Array,
     covariance: Array,
     valid: Mask,
@@ -250,30 +244,14 @@ def judge(  # noqa: C901, PLR0912, PLR0913, PLR0915, PLR0917 -- the gate, in one
     velocity: Array,
     height: Array,
     yaw: Array,
-    top_speed: float,
-    last_time: float,
-    last_position: Array,
-    last_velocity: Array,
-    accepted_at: Array,
-    accepted_position: Array,
-    accepted_covariance: Array,
-    unexplained: Array,
-    rejected: Mask,
-    corrected: Mask,
-    flown: Array,
-    reach: Array,
-    still_path: Array,
-    reports: Mask,
-    spoiled_until: Array,
-    above: Array,
-    accepted: Mask,
-    stands: Mask,
-    jumps: Array,
 ) -> bool:
     """Accept or reject the estimate of each agent, as `EstimateGate` describes.
 
     Args:
         time: Of the estimate, s.
+        seconds: Since the last tick, s.
+        top_speed: Greatest plausible speed, m/s.
+        state: (N,) `STATE` of each agent, which is updated.
         position: (N, 3) m.
         covariance: (N, 3, 3) m².
         valid: (N,) agents that are located.
@@ -282,103 +260,85 @@ def judge(  # noqa: C901, PLR0912, PLR0913, PLR0915, PLR0917 -- the gate, in one
         velocity: (N, 3) that the agents report, m/s.
         height: (N, 3) positions that they report, m.
         yaw: (N,) of the odometry frames that were accepted last, rad.
-        top_speed: Greatest plausible speed, m/s.
-        last_time: State of the gate, as the next ones, which are updated, s.
-        last_position: (N, 3) m.
-        last_velocity: (N, 3) m/s.
-        accepted_at: (N,) s.
-        accepted_position: (N, 3) m.
-        accepted_covariance: (N, 3, 3) m².
-        unexplained: (N,) m.
-        rejected: (N,).
-        corrected: (N,).
-        flown: (N, 3) m.
-        reach: (N,) m.
-        still_path: (N,) m.
-        reports: (N,).
-        spoiled_until: (N,) s.
-        above: (N,) m.
-        accepted: Set to whether each agent's estimate is accepted.
-        stands: Set to whether it keeps its last position instead.
-        jumps: Set to the distance, time and plausible distance of new jumps; NaN for others.
 
     Returns:
         Whether any agent keeps its last position.
     """
-    seconds = time - last_time
     any_stands = False
     for row in range(len(valid)):
+        agent = state[row]
         vx, vy, vz = velocity[row, 0], velocity[row, 1], velocity[row, 2]
         if not heard[row]:
             vx = vy = vz = math.nan
         speed = math.sqrt(vx * vx + vy * vy + vz * vz)
-        reports[row] = reports[row] or math.isfinite(speed)
-        if heard[row] and reports[row] and not speed <= top_speed:
-            spoiled_until[row] = time + SPOILED_TIME
-        spoiled = time < spoiled_until[row]
+        agent.reports = agent.reports or math.isfinite(speed)
+        if heard[row] and agent.reports and not speed <= top_speed:
+            agent.spoiled_until = time + SPOILED_TIME
+        spoiled = time < agent.spoiled_until
         if spoiled:
             vx = vy = vz = speed = math.nan
         if math.isfinite(speed):
             cos, sin = math.cos(yaw[row]), math.sin(yaw[row])
-            flown[row, 0] += seconds * (cos * vx - sin * vy)
-            flown[row, 1] += seconds * (sin * vx + cos * vy)
-            flown[row, 2] += seconds * vz
+            agent.flown[0] += seconds * (cos * vx - sin * vy)
+            agent.flown[1] += seconds * (sin * vx + cos * vy)
+            agent.flown[2] += seconds * vz
         # one that is rejected can be elsewhere only by the error of its reports
-        is_known = rejected[row] and math.isfinite(speed)
-        reach[row] += seconds * (REPORT_ERROR * speed if is_known else top_speed)
+        is_known = agent.rejected and math.isfinite(speed)
+        agent.reach += seconds * (REPORT_ERROR * speed if is_known else top_speed)
         same = airborne[row] and math.isfinite(seconds * speed)
         for axis in range(3):
-            same = same and position[row, axis] == last_position[row, axis]
-            last_position[row, axis] = position[row, axis]
+            same = same and position[row, axis] == agent.last_position[axis]
+            agent.last_position[axis] = position[row, axis]
         new = (  # a report that repeats is an old one
-            vx != last_velocity[row, 0]
-            or vy != last_velocity[row, 1]
-            or vz != last_velocity[row, 2]
+            vx != agent.last_velocity[0]
+            or vy != agent.last_velocity[1]
+            or vz != agent.last_velocity[2]
         )
-        last_velocity[row, 0], last_velocity[row, 1], last_velocity[row, 2] = vx, vy, vz
+        agent.last_velocity[0], agent.last_velocity[1] = vx, vy
+        agent.last_velocity[2] = vz
         path = seconds * speed if new else 0.0
-        still_path[row] = still_path[row] + path if same else 0.0
-        stuck = still_path[row] > MAX_STILL_PATH
-        dx = position[row, 0] - accepted_position[row, 0] - flown[row, 0]
-        dy = position[row, 1] - accepted_position[row, 1] - flown[row, 1]
-        dz = position[row, 2] - accepted_position[row, 2] - flown[row, 2]
+        agent.still_path = agent.still_path + path if same else 0.0
+        stuck = agent.still_path > MAX_STILL_PATH
+        dx = position[row, 0] - agent.accepted_position[0] - agent.flown[0]
+        dy = position[row, 1] - agent.accepted_position[1] - agent.flown[1]
+        dz = position[row, 2] - agent.accepted_position[2] - agent.flown[2]
         moved = math.sqrt(dx * dx + dy * dy + dz * dz)
         before, now = 0.0, 0.0
         for axis in range(3):
-            before += accepted_covariance[row, axis, axis]
+            before += agent.accepted_covariance[axis, axis]
             now += covariance[row, axis, axis]
         shrunk = before - now if before > now else 0.0
-        explained = reach[row] + CORRECTION_SIGMAS * math.sqrt(shrunk)
-        carried = unexplained[row] * math.exp((accepted_at[row] - time) / FORGETTING_TIME)
+        explained = agent.reach + CORRECTION_SIGMAS * math.sqrt(shrunk)
+        carried = agent.unexplained * math.exp((agent.accepted_at - time) / FORGETTING_TIME)
         excess = carried + max(moved - explained, 0.0)
-        correction = corrected[row] or now < CORRECTED_SHARE * before
+        correction = agent.corrected or now < CORRECTED_SHARE * before
         margin = JUMP_MARGIN if correction else UNCORRECTED_MARGIN
         over = position[row, 2] - height[row, 2] if heard[row] else math.nan
-        jumped = abs(dz) > MAX_HEIGHT_JUMP and abs(over - above[row]) > MAX_HEIGHT_JUMP
-        judged = (airborne[row] or rejected[row]) and valid[row]
+        jumped = abs(dz) > MAX_HEIGHT_JUMP and abs(over - agent.above) > MAX_HEIGHT_JUMP
+        judged = (airborne[row] or agent.rejected) and valid[row]
         rejects = judged and (excess > margin or jumped or stuck)
-        jumps[row, 0] = math.nan
-        if rejects and not rejected[row]:
+        agent.jump[0] = math.nan
+        if rejects and not agent.rejected:
             plausible = explained + margin - carried
             if jumped and plausible > MAX_HEIGHT_JUMP:
                 plausible = MAX_HEIGHT_JUMP
-            jumps[row, 0] = still_path[row] if stuck else moved
-            jumps[row, 1] = time - accepted_at[row]
-            jumps[row, 2] = math.nan if stuck else plausible
-        accepted[row] = valid[row] and not rejects and not spoiled
-        if accepted[row]:
-            corrected[row], rejected[row], above[row] = correction, False, over
-            accepted_at[row], reach[row] = time, 0.0
-            unexplained[row] = excess if judged and math.isfinite(excess) else 0.0
+            agent.jump[0] = agent.still_path if stuck else moved
+            agent.jump[1] = time - agent.accepted_at
+            agent.jump[2] = math.nan if stuck else plausible
+        agent.accepted = valid[row] and not rejects and not spoiled
+        if agent.accepted:
+            agent.corrected, agent.rejected, agent.above = correction, False, over
+            agent.accepted_at, agent.reach = time, 0.0
+            agent.unexplained = excess if judged and math.isfinite(excess) else 0.0
             for axis in range(3):
-                flown[row, axis] = 0.0
-                accepted_position[row, axis] = position[row, axis]
+                agent.flown[axis] = 0.0
+                agent.accepted_position[axis] = position[row, axis]
                 for other in range(3):
-                    accepted_covariance[row, axis, other] = covariance[row, axis, other]
+                    agent.accepted_covariance[axis, other] = covariance[row, axis, other]
         else:
-            rejected[row] = rejects or rejected[row]
-        located = math.isfinite(accepted_position[row, 0] + accepted_position[row, 1])
-        located = located and math.isfinite(accepted_position[row, 2])
-        stands[row] = rejects or (spoiled and located)
-        any_stands = any_stands or stands[row]
+            agent.rejected = rejects or agent.rejected
+        located = math.isfinite(agent.accepted_position[0] + agent.accepted_position[1])
+        located = located and math.isfinite(agent.accepted_position[2])
+        agent.stands = rejects or (spoiled and located)
+        any_stands = any_stands or agent.stands
     return any_stands
