@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from star_core.messages.arrays import Array, Mask, Rows, every, some
-from star_core.messages.state import AgentPhase, Estimate
+from star_core.messages.state import AgentPhase
 from star_core.safety.monitors import Stage, TickState, Use
 from star_core.world.scene import Limits
 
@@ -43,26 +43,17 @@ class GroundedAgents:
 
     def check(self, state: TickState) -> Iterator[Use]:
         """Yield the estimate by which agents are kept apart."""
-        yield Use("visible", self.mark(state.estimate, state.health.phase, state.gone))
-
-    def mark(self, estimate: Estimate, phase: Rows, gone: Mask) -> Estimate:
-        """Return the estimate with these agents below the ground.
-
-        Args:
-            estimate: Of the tick.
-            phase: (N,) `AgentPhase` of each agent.
-            gone: (N,) agents that have left the mission for good.
-        """
+        estimate, phase = state.estimate, state.health.phase
         fallen = phase == EMERGENCY
         since = np.fmin(self._fallen_at, estimate.time)
         self._fallen_at = np.where(fallen, since, np.inf)
-        down = (phase == LANDED) & gone
+        down = (phase == LANDED) & state.gone
         down |= estimate.time - self._fallen_at >= FALL_TIME
-        if not some(down):
-            return estimate
-        position, travel = estimate.position.copy(), estimate.possible_travel.copy()
-        position[down, 2], travel[down, 2] = -self._depth, 0.0
-        return replace(estimate, position=position, possible_travel=travel)
+        if some(down):
+            position, travel = estimate.position.copy(), estimate.possible_travel.copy()
+            position[down, 2], travel[down, 2] = -self._depth, 0.0
+            estimate = replace(estimate, position=position, possible_travel=travel)
+        yield Use("visible", estimate)
 
 
 def _depth(limits: Limits) -> float:
@@ -106,12 +97,39 @@ class UnheardAgents:
 
     def check(self, state: TickState) -> Iterator[Use]:
         """Yield the estimate with the agents marked that are not heard or not located."""
-        telemetry = state.telemetry
-        marked = self.mark(
-            state.estimate, telemetry.age, state.airborne, state.taken_over, telemetry.lands_by
+        estimate, airborne, lands_by = state.estimate, state.airborne, state.telemetry.lands_by
+        self._on_board &= ~state.taken_over
+        heard = state.telemetry.age <= MAX_REPORT_AGE
+        finite = np.isfinite(estimate.velocity)
+        if every(heard) and every(estimate.valid) and every(finite):
+            self._velocity, self._astray = estimate.velocity, ~heard
+            return
+        usable = heard & estimate.valid & finite.all(axis=1)
+        self._velocity = np.where(usable[:, None], estimate.velocity, self._velocity)
+        self._astray = heard & ~estimate.valid & (airborne | self._astray)
+        if every(heard) and not some(self._astray):
+            return
+        position = estimate.position.copy()
+        flies_on = np.where(self._astray, BRAKING_TIME, np.where(heard, 0.0, WATCHDOG_TIME))
+        travel = flies_on[:, None] * self._velocity
+        down_by = self._down_by
+        if (on_board := ~heard & self._on_board).any():
+            # one that was announced before the command is not of it
+            later = np.full(len(heard), np.inf) if lands_by is None else lands_by
+            later = np.where(later >= self._ends_at, later, np.inf)
+            down_by = np.where(on_board, np.maximum(down_by, later), down_by)
+            self._add_columns(position, travel, on_board, estimate.time, np.isfinite(later))
+        down = ~heard & (estimate.time >= down_by)
+        descends = self._astray & self._lands & airborne & np.isfinite(position[:, 2])
+        travel[descends, 2] = -np.maximum(position[descends, 2], 0.0)
+        position[down, 2], travel[down, 2] = -self._depth, 0.0
+        marked = replace(
+            estimate,
+            position=position,
+            velocity=np.where(heard[:, None], estimate.velocity, 0.0),
+            possible_travel=travel,
         )
-        if marked is not state.estimate:
-            yield Use("estimate", marked)
+        yield Use("estimate", marked)
 
     def steered(self, time: float, rows: Mask | Rows) -> None:
         """Note that setpoints were sent to agents: without another one their motors stop."""
@@ -146,57 +164,6 @@ class UnheardAgents:
         self._down_by[rows] = np.where(heard, until, np.maximum(until, self._down_by[rows]))
         self._on_board[rows] &= ~heard
         self._lands[rows] = True
-
-    def mark(
-        self,
-        estimate: Estimate,
-        age: Array,
-        airborne: Mask,
-        taken_over: Mask | None = None,
-        lands_by: Array | None = None,
-    ) -> Estimate:
-        """Return the estimate with the agents marked that are not heard or not located.
-
-        Args:
-            estimate: Of the tick.
-            age: (N,) age of each agent's newest report, s.
-            airborne: (N,) agents that are in the air.
-            taken_over: (N,) agents that setpoints have flown, by their reports, since their last
-                command; None is none.
-            lands_by: (N,) as in `star_core.Telemetry`.
-        """
-        if taken_over is not None:
-            self._on_board &= ~taken_over
-        heard = age <= MAX_REPORT_AGE
-        finite = np.isfinite(estimate.velocity)
-        if every(heard) and every(estimate.valid) and every(finite):
-            self._velocity, self._astray = estimate.velocity, ~heard
-            return estimate
-        usable = heard & estimate.valid & finite.all(axis=1)
-        self._velocity = np.where(usable[:, None], estimate.velocity, self._velocity)
-        self._astray = heard & ~estimate.valid & (airborne | self._astray)
-        if every(heard) and not some(self._astray):
-            return estimate
-        position = estimate.position.copy()
-        flies_on = np.where(self._astray, BRAKING_TIME, np.where(heard, 0.0, WATCHDOG_TIME))
-        travel = flies_on[:, None] * self._velocity
-        down_by = self._down_by
-        if (on_board := ~heard & self._on_board).any():
-            # one that was announced before the command is not of it
-            later = np.full(len(heard), np.inf) if lands_by is None else lands_by
-            later = np.where(later >= self._ends_at, later, np.inf)
-            down_by = np.where(on_board, np.maximum(down_by, later), down_by)
-            self._add_columns(position, travel, on_board, estimate.time, np.isfinite(later))
-        down = ~heard & (estimate.time >= down_by)
-        descends = self._astray & self._lands & airborne & np.isfinite(position[:, 2])
-        travel[descends, 2] = -np.maximum(position[descends, 2], 0.0)
-        position[down, 2], travel[down, 2] = -self._depth, 0.0
-        return replace(
-            estimate,
-            position=position,
-            velocity=np.where(heard[:, None], estimate.velocity, 0.0),
-            possible_travel=travel,
-        )
 
     def _add_columns(
         self, position: Array, travel: Array, on_board: Mask, time: float, descends: Mask

@@ -3,11 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import cast
 
 import numpy as np
 import pytest
 
-from star_core import AgentPhase, Array, Estimate, Limits, Registry, Setpoint
+from star_core import (
+    AgentPhase,
+    Array,
+    Estimate,
+    Health,
+    Limits,
+    Mask,
+    Registry,
+    Setpoint,
+    Telemetry,
+)
 from star_core.geometry.neighbours import Pairs
 from star_core.messages.state import with_possible_positions
 from star_core.safety.agents_in_the_way import (
@@ -19,7 +30,7 @@ from star_core.safety.agents_in_the_way import (
 )
 from star_core.safety.filter import SafetyFilter
 from star_core.testing import estimate, scene
-from star_core.toolkit import fill_defaults
+from star_core.toolkit import TickState, fill_defaults
 
 LIMITS = Limits(separation=0.2, vertical_separation=0.6)
 DOWN = LIMITS.separation - LIMITS.vertical_separation  # m, as others keep only `separation` above
@@ -27,12 +38,38 @@ HEARD, UNHEARD = 0.0, 0.6  # s, ages of reports
 ONE, BOTH = np.ones(1, np.bool_), np.ones(2, np.bool_)  # in the air
 
 
+def reports(now: Estimate, age: Array, lands_by: Array | None = None) -> Telemetry:
+    """The telemetry of agents whose last reports are so old, s."""
+    attitude, state = np.zeros((len(age), 4)), np.zeros(len(age), np.int64)
+    return Telemetry(
+        now.time, now.position, now.velocity, attitude, age, state, age, lands_by=lands_by
+    )
+
+
+def mark(
+    tracker: UnheardAgents,
+    now: Estimate,
+    age: Array,
+    airborne: Mask,
+    taken_over: Mask | None = None,
+    lands_by: Array | None = None,
+) -> Estimate:
+    """The estimate as the tracker marks it, of agents (N,) that setpoints took over, or none."""
+    phase = np.where(airborne, AgentPhase.FLYING, AgentPhase.GROUNDED)
+    over = np.zeros(len(age), np.bool_) if taken_over is None else taken_over
+    state = TickState(reports(now, age, lands_by), phase, over)
+    state.estimate = now
+    for use in tracker.check(state):
+        now = cast("Estimate", use.value)
+    return now
+
+
 def marked(velocity: Array, *ages: float) -> Estimate:
     """The estimate of two agents at some (N, 3) velocity, m/s, after reports of these ages, s."""
     tracker = UnheardAgents(len(velocity), LIMITS)
     now = estimate(np.zeros_like(velocity), velocity=velocity)
     for age in ages:
-        answer = tracker.mark(now, np.array([0.0, age]), BOTH)
+        answer = mark(tracker, now, np.array([0.0, age]), BOTH)
     return answer
 
 
@@ -61,8 +98,8 @@ def test_the_velocity_is_the_last_one_that_was_reported() -> None:
     tracker = UnheardAgents(1, LIMITS)
     flying = estimate(np.zeros((1, 3)), velocity=np.array([[0.5, 0.0, 0.0]]))
     unknown = replace(flying, velocity=np.full((1, 3), np.nan))
-    tracker.mark(flying, np.array([HEARD]), ONE)
-    answer = tracker.mark(unknown, np.array([UNHEARD]), ONE)
+    mark(tracker, flying, np.array([HEARD]), ONE)
+    answer = mark(tracker, unknown, np.array([UNHEARD]), ONE)
     assert answer.possible_travel[0] == pytest.approx([WATCHDOG_TIME * 0.5, 0, 0])
 
 
@@ -90,9 +127,9 @@ def test_unheard_agents_count_as_down_after_landing_or_falling() -> None:
     def heights(time: float) -> list[float]:
         now = estimate(np.tile([0.0, 0.0, 0.7], (4, 1)), time=time)
         taken_over = every == 1
-        seen = tracker.mark(now, 0 * ages, every >= 0, taken_over)
+        seen = mark(tracker, now, 0 * ages, every >= 0, taken_over)
         assert seen.position[:, 2].tolist() == [0.7] * 4
-        return [float(z) for z in tracker.mark(now, ages, every >= 0).position[:, 2]]
+        return [float(z) for z in mark(tracker, now, ages, every >= 0).position[:, 2]]
 
     assert heights(2.9) == [0.7, 0.7, 0.7, 0.7]
     assert heights(3.0) == [0.7, 0.7, 0.7, DOWN]  # received the command to land
@@ -106,7 +143,7 @@ def test_setpoints_keep_an_agent_in_the_air() -> None:
     for time in (1.0, 2.0):
         tracker.steered(time, np.array([True]))
     now = [estimate(np.ones((1, 3)), time=time + fallen) for time in (1.0, 2.0)]
-    assert [tracker.mark(one, np.array([UNHEARD]), ONE).position[0, 2] for one in now] == [
+    assert [mark(tracker, one, np.array([UNHEARD]), ONE).position[0, 2] for one in now] == [
         1.0,
         DOWN,
     ]
@@ -117,14 +154,14 @@ def test_unlocated_agents_travel_by_their_braking_distance() -> None:
     flying = estimate(np.zeros((2, 3)), velocity=VELOCITY)
     lost = replace(flying, velocity=np.zeros((2, 3)), valid=np.array([True, False]))
     ages, grounded = np.zeros(2), ~BOTH
-    assert not tracker.mark(lost, ages, grounded).possible_travel.any()  # before the takeoff
-    tracker.mark(flying, ages, BOTH)
+    assert not mark(tracker, lost, ages, grounded).possible_travel.any()  # before the takeoff
+    mark(tracker, flying, ages, BOTH)
     for airborne in (BOTH, grounded):
-        answer = tracker.mark(lost, ages, airborne)
+        answer = mark(tracker, lost, ages, airborne)
         assert answer.possible_travel[1] == pytest.approx(BRAKING_TIME * VELOCITY[1])
         assert not answer.possible_travel[0].any()
-    assert not tracker.mark(flying, ages, grounded).possible_travel.any()
-    assert not tracker.mark(lost, ages, grounded).possible_travel.any()
+    assert not mark(tracker, flying, ages, grounded).possible_travel.any()
+    assert not mark(tracker, lost, ages, grounded).possible_travel.any()
 
 
 # Agents that fly a command on board: a climb to 0.8 m, last heard at 0.3 m.
@@ -146,8 +183,8 @@ def column(
     """Highest and lowest z at which the agent may be, m, if it is not heard."""
     now = estimate(np.array([[1.0, 2.0, LAST]]), velocity=np.array([[0.0, 0.0, 0.5]]), time=time)
     announced = None if lands_by is None else np.array([lands_by])
-    tracker.mark(now, np.array([HEARD]), ONE)
-    seen = tracker.mark(now, np.array([UNHEARD]), ONE, np.array([taken_over]), announced)
+    mark(tracker, now, np.array([HEARD]), ONE)
+    seen = mark(tracker, now, np.array([UNHEARD]), ONE, np.array([taken_over]), announced)
     assert seen.position[0, :2].tolist() == [1.0, 2.0]
     ends = [float(seen.position[0, 2]), float((seen.position + seen.possible_travel)[0, 2])]
     return max(ends), min(ends)
@@ -193,12 +230,12 @@ def test_an_unheard_flight_on_board_is_at_its_end_later(
     tracker.flies_on_board(np.array([0]), end, np.array([CLIMBED_AT]))
     announced = None if lands_by is None else np.array([lands_by])
     last = estimate(np.array([[0.5, 2.0, TOP]]), velocity=np.array([[0.2, 0.0, 0.0]]))
-    tracker.mark(last, np.array([HEARD]), ONE)
+    mark(tracker, last, np.array([HEARD]), ONE)
     ages, away = np.array([UNHEARD]), np.array([0.5, 2.0, TOP])
-    before = tracker.mark(replace(last, time=1.0), ages, ONE, None, announced)
+    before = mark(tracker, replace(last, time=1.0), ages, ONE, None, announced)
     assert before.position[0] == pytest.approx(away)
     assert before.possible_travel[0] == pytest.approx([WATCHDOG_TIME * 0.2, 0.0, 0.0])
-    later = tracker.mark(replace(last, time=3.0), ages, ONE, None, announced)
+    later = mark(tracker, replace(last, time=3.0), ages, ONE, None, announced)
     assert later.position[0] == pytest.approx(end[0])
     assert later.possible_travel[0] == pytest.approx([0.0, 0.0, lowest - TOP])
 
@@ -206,11 +243,11 @@ def test_an_unheard_flight_on_board_is_at_its_end_later(
 def test_an_unlocated_agent_that_lands_passes_all_heights_below() -> None:
     tracker, high = UnheardAgents(1, LIMITS), estimate(np.array([[0.0, 0.0, 1.3]]))
     lost = replace(high, valid=~ONE)
-    tracker.mark(high, np.zeros(1), ONE)
-    assert not tracker.mark(lost, np.zeros(1), ONE).possible_travel.any()
+    mark(tracker, high, np.zeros(1), ONE)
+    assert not mark(tracker, lost, np.zeros(1), ONE).possible_travel.any()
     tracker.lands(np.array([0]), np.array([5.0]), ONE)
-    assert tracker.mark(lost, np.zeros(1), ONE).possible_travel.tolist() == [[0.0, 0.0, -1.3]]
-    assert not tracker.mark(lost, np.zeros(1), ~ONE).possible_travel.any()  # it is down
+    assert mark(tracker, lost, np.zeros(1), ONE).possible_travel.tolist() == [[0.0, 0.0, -1.3]]
+    assert not mark(tracker, lost, np.zeros(1), ~ONE).possible_travel.any()  # it is down
 
 
 # Agents that stay on the ground.
@@ -224,7 +261,13 @@ def test_only_agents_staying_grounded_free_the_air_above_them() -> None:
 
     def heights(time: float) -> list[float]:
         now = estimate(np.zeros((4, 3)), time=time)
-        return [float(z) for z in tracker.mark(now, phase, gone).position[:, 2]]
+        state = TickState(reports(now, np.zeros(4)), phase, gone)
+        state.estimate, state.gone, state.health = now, gone, Health(phase, 0 * phase, 0 * phase)
+        return [
+            float(z)
+            for use in tracker.check(state)
+            for z in cast("Estimate", use.value).position[:, 2]
+        ]
 
     assert heights(0.0) == [0, DOWN, 0, 0]  # the last one may still fall
     assert heights(FALL_TIME) == [0, DOWN, 0, DOWN]
@@ -246,7 +289,7 @@ def crossed(avoider: str, start: Array, goal: Array, *, stopped: bool) -> float:
     tracker, guard = UnheardAgents(2, LIMITS), SafetyFilter(room)
     speed, position = 0.5, np.array([start, np.zeros(3)])
     last = np.array([[0.0, 0.0, 0.0], [speed, 0.0, 0.0]])
-    tracker.mark(estimate(position, velocity=last), np.zeros(2), BOTH)
+    mark(tracker, estimate(position, velocity=last), np.zeros(2), BOTH)
     other, velocity, nearest = np.zeros(3), np.zeros(3), np.inf
     for k in range(round(12 / PERIOD)):
         time = k * PERIOD
@@ -256,7 +299,7 @@ def crossed(avoider: str, start: Array, goal: Array, *, stopped: bool) -> float:
         now = estimate(
             np.array([position[0], np.zeros(3)]), velocity=np.array([velocity, last[1]]), time=time
         )
-        now = replace(tracker.mark(now, np.array([0.0, 0.6 + time]), BOTH), valid=FIRST)
+        now = replace(mark(tracker, now, np.array([0.0, 0.6 + time]), BOTH), valid=FIRST)
         way = goal - position[0]
         wish = way * speed / max(np.linalg.norm(way), speed)
         wanted = Setpoint(np.array([wish, np.zeros(3)]), np.zeros(2), FIRST)
@@ -300,7 +343,7 @@ def moved_aside(avoider: str, height: float) -> float:
             velocity=np.array([velocity, np.zeros(3)]),
             time=k * PERIOD,
         )
-        now = tracker.mark(now, np.array([HEARD, UNHEARD]), BOTH, ~BOTH, np.full(2, 99.0))
+        now = mark(tracker, now, np.array([HEARD, UNHEARD]), BOTH, ~BOTH, np.full(2, 99.0))
         now = replace(now, valid=FIRST)
         near = Pairs.of(now.position, guard.reach)
         sent, _ = guard.filter(now, made.avoid(now, rest), rest, near)
