@@ -176,7 +176,9 @@ class ControlLoop:
             self._steer(state, shortlist(instructions.doing))
         else:
             self._watch(state)
-        return self._landed() or MissionStatus(status, self._executor.reason)
+        if self._land_all is not None:
+            return _status(self._land_all.result())
+        return MissionStatus(status, self._executor.reason)
 
     def _steer(self, state: TickState, doing: str) -> None:
         """Fly towards the goals for a tick."""
@@ -286,7 +288,8 @@ class ControlLoop:
             complete=complete,
             at_once=at_once,
         )
-        return _status(self._land_all.begin())
+        self._land_all.begin()
+        return _status(self._land_all.result())
 
     def stop_locating(self) -> None:
         """Stop calling the localizer, which may have failed: no agent is located any more."""
@@ -355,10 +358,6 @@ class ControlLoop:
             "steps": list(self._executor.steps),
             "events": [*map(event_record, self._observers.events)],
         }
-
-    def _landed(self) -> MissionStatus | None:
-        """Return the status of landing all agents; None if that is not what the flight does."""
-        return None if self._land_all is None else _status(self._land_all.result())
 
     def _uncertain_landed(self) -> str:
         """Return which agents landed for their uncertainty and are not replaced; empty if none."""

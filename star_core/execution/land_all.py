@@ -58,18 +58,17 @@ class LandAll:
         self._waits = False  # for a report after the planned end of all landings
         self._no_goals = Goals.none(n)
 
-    def begin(self) -> str | None:
-        """Command all landings that are possible; return as `result` does."""
+    def begin(self) -> None:
+        """Command all landings that are possible."""
         if self._complete:
             self._vehicles.phases.fire_mission("land")
         estimate = self._vehicles.estimate
-        if estimate is None:
-            return ""
+        if estimate is None:  # before the first tick
+            return
         n = len(self._scene.agents)
         instructions = self._land(np.ones(n, np.bool_), estimate)
         self._landing.land(sorted(instructions.leave))
         self._landing.step(estimate, instructions.goals)
-        return self.result()
 
     def step(self, telemetry: Telemetry, estimate: Estimate) -> Instructions:
         """Return what to do in a tick: agents land that are lost or were not located before."""

@@ -8,7 +8,7 @@ from typing import Any, Final, NamedTuple, Self
 
 import numpy as np
 
-from star_core.messages.arrays import Array, Mask, Rows, Table, column, every, frozen, table
+from star_core.messages.arrays import Array, Mask, Rows, Table, column, frozen, table
 
 TINY: Final = 1e-9  # rad: a rotation that small is its first-order term
 
@@ -102,11 +102,6 @@ class Transform(Table):
         """(N,) agents whose transform is finite."""
         finite: Mask = np.isfinite(self.yaw) & np.isfinite(self.translation).all(axis=1)
         return finite
-
-    @property
-    def all_known(self) -> bool:
-        """Whether every transform is finite."""
-        return every(np.isfinite(self.yaw)) and every(np.isfinite(self.translation))
 
 
 def wrap_angle(angle: Any) -> Any:

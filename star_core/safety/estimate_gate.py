@@ -66,8 +66,8 @@ class EstimateMonitor:
         """
         estimate, telemetry = state.estimate, state.telemetry
         if estimate.map_from_odom is not self._frames:
-            if not estimate.map_from_odom.all_known:
-                frames = estimate.map_from_odom.where(estimate.map_from_odom.known, self._frames)
+            if not every(known := estimate.map_from_odom.known):
+                frames = estimate.map_from_odom.where(known, self._frames)
                 estimate = replace(estimate, map_from_odom=frames)
             self._frames = estimate.map_from_odom
         heard = telemetry.age <= MAX_REPORT_AGE

@@ -307,7 +307,9 @@ def separate(
             return
         for row in range(len(active)):
             if times[row] > 0.0 and active[row]:
-                add_correction(apart, change, times, row, speed)
+                for axis in range(3):
+                    apart[row, axis] += change[row, axis] / times[row]
+                slow_down(apart, row, speed)
                 bound(apart, position, flown, row, fence, speed, brakes, period)
                 apart[row, 2] = min(max(apart[row, 2], vertical[row, 0]), vertical[row, 1])
                 if iteration == MAX_ITERATIONS:
@@ -358,14 +360,6 @@ def corrections(
                 change[agent, axis] += share * direction[pair, axis]
                 change[other, axis] -= share * direction[pair, axis]
     return has_corrections
-
-
-@subroutine
-def add_correction(velocity: Array, change: Array, times: Array, row: int, speed: float) -> None:
-    """Add the mean of one agent's corrections to its velocity, within the greatest speed."""
-    for axis in range(3):
-        velocity[row, axis] += change[row, axis] / times[row]
-    slow_down(velocity, row, speed)
 
 
 @subroutine
