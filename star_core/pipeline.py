@@ -36,7 +36,7 @@ from star_core.messages.telemetry import (
     Sightings,
     Telemetry,
 )
-from star_core.mission import Mission
+from star_core.mission import Mission, PluginChoice
 from star_core.operator import Paced
 from star_core.plugin_support.compute_time import ComputeTime, Stopwatch
 from star_core.plugin_support.guard import (
@@ -77,11 +77,12 @@ class PluginStage:
         making: Guards calls before and after the flight.
     """
 
-    def __init__(self, name: str, watch: Stopwatch, strikes: Strikes) -> None:
-        self.name, self.watch = name, watch
+    def __init__(self, choice: PluginChoice, compute_time: ComputeTime, strikes: Strikes) -> None:
+        self.name = str(choice)
+        self.watch = compute_time.of(self.name, waits=choice.kind == "transport")
         self.plugin: Any = None
-        self.making = PluginGuard(name)
-        self._calling = PluginGuard(name, watch)
+        self.making = PluginGuard(self.name)
+        self._calling = PluginGuard(self.name, self.watch)
         self._strikes = strikes
 
     def make(self, scene: Scene, spec: Any, options: Mapping[str, Any], contract: type) -> None:
@@ -137,7 +138,10 @@ class PluginPipeline:
         self._sent: Setpoint | None = None  # without agents that have received a command since
         self._truth_failed = False
         self.safety_time = Stopwatch(perf_counter)
-        self._stages = {kind: self._stage(kind, mission) for kind in PIPELINE_KINDS}
+        self._stages = {
+            kind: PluginStage(mission.plugins[kind], self.compute_time, self.strikes)
+            for kind in PIPELINE_KINDS
+        }
         self._transport, self._localizer, self._planner, self._avoider = map(
             self._stages.__getitem__, PIPELINE_KINDS
         )
@@ -157,11 +161,6 @@ class PluginPipeline:
         self._notes_frames = transport if isinstance(transport, NotesFrames) else None
         avoider = self._avoider.plugin
         self._notes_goals = avoider if isinstance(avoider, NotesGoals) else None
-
-    def _stage(self, kind: str, mission: Mission) -> PluginStage:
-        name = str(mission.plugins[kind])
-        watch = self.compute_time.of(name, waits=kind == "transport")
-        return PluginStage(name, watch, self.strikes)
 
     @property
     def localizer(self) -> str:
