@@ -116,23 +116,21 @@ class LandingManager:
         for row in rows:
             self._add(int(row), math.nan)
 
-    def land_now(self, rows: Rows, estimate: Estimate, durations: Array | None = None) -> None:
+    def land_now(self, rows: Rows, estimate: Estimate, durations: Array | float = math.nan) -> None:
         """Command agents to land from their positions, if they are in the air.
 
         Args:
             rows: (K,) the agents.
             estimate: Of their positions.
-            durations: (K,) of the descents, s; NaN or None is at the core's own pace. No descent
-                is so short that its drone would hit the floor fast.
+            durations: (K,) of the descents, s; NaN is at the core's own pace. No descent is so
+                short that its drone would hit the floor fast.
         """
         phases = self._vehicles.phases.of_agents()[rows]
         up = among(phases, AgentPhase.TAKING_OFF, AgentPhase.FLYING, AgentPhase.LOST)
-        if durations is not None:
-            durations = durations[up]
         for row in rows.tolist():
             self._waiting.pop(row, None)
         self._repeats[rows[up]] = 0
-        self._command(rows[up], estimate, durations)
+        self._command(rows[up], estimate, np.broadcast_to(durations, up.shape)[up])
 
     def unheard(self, age: Array) -> Mask:
         """Return which agents are not heard after the planned end of their landings: (N,).
@@ -178,8 +176,8 @@ class LandingManager:
             self._observers.event("landing", text, name)
         self._command(np.flatnonzero(missed), estimate)
 
-    def _command(self, rows: Rows, estimate: Estimate, durations: Array | None = None) -> None:
-        """Command (K,) agents to land, in (K,) s; NaN or None is at the core's own pace."""
+    def _command(self, rows: Rows, estimate: Estimate, durations: Array | float = math.nan) -> None:
+        """Command (K,) agents to land, in (K,) s; NaN is at the core's own pace."""
         if not len(rows):
             return
         position = estimate.position[rows].copy()
@@ -192,9 +190,8 @@ class LandingManager:
         height = np.maximum(0.0, position[:, 2]) + rise
         climbs = self._vehicles.phases.of_agents()[rows] == AgentPhase.TAKING_OFF
         height = np.where(climbs, np.maximum(height, self._vehicles.climb_top[rows]), height)
-        duration = height / LAND_SPEED + LAG_ALLOWANCE
-        if durations is not None:
-            duration = np.where(np.isnan(durations), duration, durations)
+        own_pace = height / LAND_SPEED + LAG_ALLOWANCE
+        duration = np.where(np.isnan(durations), own_pace, durations)
         least = min_landing_time(height)
         least[climbs] = CLIMB_LAND_TIME + CLIMB_LAND_TIME_PER_HEIGHT * height[climbs]
         duration = np.maximum(duration, least)
