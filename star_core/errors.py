@@ -7,6 +7,7 @@ lower case, has no full stop, shows values through ``!r``, and ends with its cod
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
@@ -33,11 +34,8 @@ def coded(message: str, code: str) -> str:
 
 def code_of(message: str) -> str:
     """Return the code that a message ends with, or an empty string."""
-    code = message.rpartition(" [")[2][:-1] if message.endswith("]") else ""
-    words = code.split("-")
-    return (
-        code if len(words) > 1 and all(word.isalpha() and word.islower() for word in words) else ""
-    )
+    code = re.search(r" \[([a-z]+(?:-[a-z]+)+)\]\Z", message)
+    return code[1] if code else ""
 
 
 def printable(text: str) -> str:

@@ -43,12 +43,15 @@ def output_folder(out: str | None, name: str, marker: str) -> Path:
     if out is None:
         return new_folder(name)
     folder = Path(out)
-    if folder.exists() and not folder.is_dir():
+    if not folder.exists():
+        return folder
+    if not folder.is_dir():
         raise InputError(f"--out {out}: is not a folder", "unwritable-file")
-    if folder.exists() and any(folder.iterdir()) and not (folder / marker).is_file():
+    contents = [*folder.iterdir()]
+    if contents and not (folder / marker).is_file():
         wrong = f"--out {out}: contains other files (no {marker}); name another folder"
         raise InputError(wrong, "unwritable-file")
-    if folder.exists() and (links := [each.name for each in folder.iterdir() if each.is_symlink()]):
+    if links := [each.name for each in contents if each.is_symlink()]:
         wrong = f"--out {out}: {links[0]!r} is a link; name a folder whose files are its own"
         raise InputError(wrong, "unwritable-file")
     return folder

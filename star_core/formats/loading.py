@@ -75,7 +75,7 @@ def format_of(path: Path, registry: Registry) -> Found:
     Raises:
         PluginError: There is neither.
     """
-    if (plugin := _recognizing(path, registry)) is not None:
+    if plugin := _accepting("recognizes", registry, path):
         return plugin
     for plugin in _formats(registry):
         if plugin.offer.recognizes is None:
@@ -85,24 +85,20 @@ def format_of(path: Path, registry: Registry) -> Found:
 
 def recognized_as(path: Path, registry: Registry) -> str | None:
     """Return the name of the format that recognizes a file or folder, valid or not, if any does."""
-    if (plugin := _recognizing(path, registry)) is not None:
-        return str(plugin.offer.name)
-    for plugin in _formats(registry):
-        resembles = plugin.offer.resembles
-        if resembles is not None and guarded("format", plugin, resembles, path, registry):
-            return str(plugin.offer.name)
-    return None
+    plugin = _accepting("recognizes", registry, path)
+    plugin = plugin or _accepting("resembles", registry, path, registry)
+    return None if plugin is None else str(plugin.offer.name)
 
 
 def _formats(registry: Registry) -> list[Found]:
     return [registry.find("format", name) for name in registry.names("format")]
 
 
-def _recognizing(path: Path, registry: Registry) -> Found | None:
-    """Return the format whose ``recognizes`` accepts a file or folder, if there is one."""
+def _accepting(function: str, registry: Registry, *arguments: Any) -> Found | None:
+    """Return the first format whose function of a name accepts the arguments, if any does."""
     for plugin in _formats(registry):
-        recognizes = plugin.offer.recognizes
-        if recognizes is not None and guarded("format", plugin, recognizes, path):
+        accepts = getattr(plugin.offer, function)
+        if accepts is not None and guarded("format", plugin, accepts, *arguments):
             return plugin
     return None
 

@@ -58,11 +58,7 @@ class Value:
 
     def child(self, name: str | int) -> Value | None:
         """Return the value of a key or at an index; None if there is none."""
-        if isinstance(self.data, list):
-            return self.data[name] if isinstance(name, int) and name < len(self.data) else None
-        if isinstance(self.data, dict) and isinstance(name, str):
-            return self.data.get(name)
-        return None
+        return self.children().get(name)
 
     def plain(self) -> Any:
         """Return the value without locations."""
