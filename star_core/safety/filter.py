@@ -111,10 +111,7 @@ class SafetyFilter:
             limits.vertical_separation,
             self._period,
         )
-        return (
-            Setpoint.made(velocity[:n], yaw[:n], planned.active),
-            Corrected(*changed[:, :n]),
-        )
+        return Setpoint(velocity[:n], yaw[:n], planned.active), Corrected(*changed[:, :n])
 
     def keep_trajectories(self, safe: Setpoint, planned: Setpoint, estimate: Estimate) -> Setpoint:
         """Return a setpoint with the trajectories of the agents whose velocity is as planned.
