@@ -111,7 +111,8 @@ class SafetyFilter:
             limits.vertical_separation,
             self._period,
         )
-        return Setpoint(velocity[:n], yaw[:n], planned.active), Corrected(*changed[:, :n])
+        sent = Setpoint.made(velocity[:n].copy(), yaw[:n].copy(), planned.active)
+        return sent, Corrected(*changed[:, :n])
 
     def keep_trajectories(self, safe: Setpoint, planned: Setpoint, estimate: Estimate) -> Setpoint:
         """Return a setpoint with the trajectories of the agents whose velocity is as planned.
