@@ -8,6 +8,7 @@ import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import KW_ONLY, dataclass, field
 from typing import TYPE_CHECKING, Any, Final, Self
 
 from star_core.errors import printable
@@ -25,6 +26,7 @@ BAR_WIDTH: Final = 30  # columns
 MINUTE: Final = 60  # s
 
 
+@dataclass(eq=False, repr=False)
 class Progress:
     """Long work, reported on stderr from `__enter__` to `__exit__`.
 
@@ -53,29 +55,18 @@ class Progress:
         drawing sheets: 1 of 3 sheets
     """
 
-    def __init__(
-        self,
-        title: str,
-        total: float | None = None,
-        *,
-        unit: str = "",
-        estimated: bool = False,
-        detail: str | Callable[[], str] = "",
-        period: float | None = None,
-        announced: bool = False,
-        view: Callable[[], RenderableType] | None = None,
-    ) -> None:
-        self.title = title
-        self.total = total
-        self.unit = unit
-        self.estimated = estimated
-        self.detail = detail
-        self.period = LINE_PERIOD if period is None else period
-        self.announced = announced
-        self.view = view
-        self.done: float = 0
-        self.begun = time.monotonic()
-        self.before: float = 0
+    title: str
+    total: float | None = None
+    _: KW_ONLY
+    unit: str = ""
+    estimated: bool = False
+    detail: str | Callable[[], str] = ""
+    period: float | None = None
+    announced: bool = False
+    view: Callable[[], RenderableType] | None = None
+    done: float = field(default=0, init=False)
+    begun: float = field(default_factory=time.monotonic, init=False)
+    before: float = field(default=0, init=False)
 
     def __enter__(self) -> Self:
         self.begun, self.before = time.monotonic(), self.done
@@ -195,12 +186,13 @@ class _Reporter:
 
     def _report(self, running: list[Progress]) -> None:
         now, last = time.monotonic(), running[-1]
+        period = LINE_PERIOD if last.period is None else last.period
         if self._live is not None:
             self._live.update(self._picture(), refresh=True)
         elif on_terminal():
             if now - self._since >= SHOW_AFTER:
                 self._show()
-        elif now - max(self._since, self._written) >= last.period:
+        elif now - max(self._since, self._written) >= period:
             self.write(str(last))
 
     def _show(self) -> None:
