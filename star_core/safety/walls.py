@@ -143,15 +143,7 @@ def vertical_limits(
 
     They hold for agents above or below a piece, or within `CONTACT_RADIUS` of that. The law is that
     of `SafetyFilter`, with the distance to heights that count as beside the piece; agents already
-    there are not moved away.
-
-    Args:
-        position: (N, 3) m.
-        flown: (N, 3) current velocities, m/s.
-        row: Of the agent.
-        wall: The pieces of the obstacles.
-        brakes: Greatest deceleration, m/s².
-        period: Of the ticks, s.
+    there are not moved away. The arguments are those of `brake_for_walls`.
 
     Returns:
         m/s, infinite where nothing is below or above.
