@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
 
 from star_core.messages.arrays import Array, Mask, every, frozen
 from star_core.messages.rotations import Transform
-from star_core.messages.state import Estimate
 from star_core.safety.agents_in_the_way import MAX_REPORT_AGE
 from star_core.safety.monitors import Report, Stage, TickState, Use
 from star_core.toolkit.jit import compiled
@@ -45,76 +44,6 @@ REPORT_ERROR: Final = 0.3  # greatest error of a reported velocity, relative to 
 MIN_PLAUSIBLE_SPEED: Final = 3.0  # m/s, whatever the limit: on-board trajectories, falls
 
 
-class EstimateMonitor:
-    """Rejects estimates that contradict what agents report, so that these agents brake."""
-
-    after = Stage.LOCATED
-
-    def __init__(self, scene: Scene, localizer: str) -> None:
-        self._names = scene.names
-        self._localizer = localizer
-        self._gate = EstimateGate(len(scene.agents), scene.limits.speed)
-        self._frames = Transform(  # last known
-            np.array([agent.yaw for agent in scene.agents]),
-            np.array([agent.start for agent in scene.agents]),
-        )
-
-    def check(self, state: TickState) -> Iterator[Report | Use]:
-        """Yield the estimate without implausible positions, and reports of new ones.
-
-        Agents whose frames are not finite have the last known ones.
-        """
-        estimate, telemetry = state.estimate, state.telemetry
-        if estimate.map_from_odom is not self._frames:
-            if not every(known := estimate.map_from_odom.known):
-                frames = estimate.map_from_odom.where(known, self._frames)
-                estimate = replace(estimate, map_from_odom=frames)
-            self._frames = estimate.map_from_odom
-        heard = telemetry.age <= MAX_REPORT_AGE
-        velocity, position = telemetry.velocity, telemetry.position
-        if estimate.heights is not None:  # over another surface than at the start
-            position, velocity = (
-                np.column_stack([reported[:, :2], over_start])
-                for reported, over_start in zip(
-                    (position, velocity), estimate.heights.T, strict=True
-                )
-            )
-            position, velocity = frozen(position), frozen(velocity)
-        accepted, jumps = self._gate.check(estimate, state.airborne, heard, velocity, position)
-        for jump in jumps:
-            yield Report("estimate", self._of_jump(jump), self._names[jump.row])
-        if accepted is not state.estimate:
-            yield Use("estimate", accepted)
-
-    def _of_jump(self, jump: Jump) -> str:
-        moved = (
-            f"moved {jump.distance:.2f} m in {jump.seconds:.2f} s, expected at most "
-            f"{jump.plausible:.2f} m"
-        )
-        if np.isnan(jump.plausible):
-            moved = f"did not change while it reported {jump.distance:.2f} m of flight,"
-        name = self._names[jump.row]
-        return f"{name} brakes: its estimated position {moved} from {self._localizer}"
-
-
-@dataclass(frozen=True, slots=True)
-class Jump:
-    """A position that was rejected after one that was accepted.
-
-    Attributes:
-        row: Of the agent.
-        distance: From the last position that was accepted, m.
-        seconds: Time since then, s.
-        plausible: Greatest distance that would have been accepted, m; NaN if the estimate has not
-            moved at all while the agent reported that it flew `distance`.
-    """
-
-    row: int
-    distance: float
-    seconds: float
-    plausible: float
-
-
 STATE: Final = np.dtype([
     ("accepted_at", np.float64),  # s, of the last accepted position, like the next two
     ("accepted_position", np.float64, 3),  # m
@@ -132,12 +61,12 @@ STATE: Final = np.dtype([
     ("last_velocity", np.float64, 3),  # m/s, reported then
     ("accepted", np.bool_),  # whether the estimate of this tick is accepted
     ("stands", np.bool_),  # whether the last accepted position stays instead
-    ("jump", np.float64, 3),  # m, s and m of a new `Jump`; NaN without one
+    ("jump", np.float64, 3),  # m, s and m, of `_of_jump`; NaN without a new one
 ])  # fmt: skip
-"""State of one agent in an `EstimateGate`."""
+"""State of one agent in an `EstimateMonitor`."""
 
 
-class EstimateGate:
+class EstimateMonitor:
     """Compares each estimated position with the last one that was accepted.
 
     In the time between the two an agent can have flown some distance, and a localizer can have
@@ -158,68 +87,101 @@ class EstimateGate:
     plausible once in a while.
 
     Args:
-        n: Number of agents.
-        speed: The mission's speed limit, m/s.
+        scene: The agents, and their speed limit.
+        localizer: Named in reports.
     """
 
-    def __init__(self, n: int, speed: float) -> None:
-        self._speed = max(SPEED_RATIO * speed, MIN_PLAUSIBLE_SPEED)
+    after = Stage.LOCATED
+
+    def __init__(self, scene: Scene, localizer: str) -> None:
+        n = len(scene.agents)
+        self._names = scene.names
+        self._localizer = localizer
+        self._speed = max(SPEED_RATIO * scene.limits.speed, MIN_PLAUSIBLE_SPEED)
         self._state = np.zeros(n, STATE)
         for name in ("accepted_position", "above", "last_position", "last_velocity"):
             self._state[name] = np.nan
         self._state["spoiled_until"] = -np.inf
-        self._frames = Transform(np.zeros(n), np.zeros((n, 3)))
+        self._known_frames = Transform(  # the last ones
+            np.array([agent.yaw for agent in scene.agents]),
+            np.array([agent.start for agent in scene.agents]),
+        )
+        self._frames = Transform(np.zeros(n), np.zeros((n, 3)))  # accepted last
         self._last_time = 0.0  # s, of the last tick
-        self._judge(0.0, *_nothing(), self._frames.yaw)  # compiled before the flight
+        self._judge(0.0, *_nothing())  # compiled before the flight
 
-    def check(
-        self, estimate: Estimate, airborne: Mask, heard: Mask, velocity: Array, position: Array
-    ) -> tuple[Estimate, Sequence[Jump]]:
-        """Return the estimate without the positions that are rejected, and the new jumps.
+    def check(self, state: TickState) -> Iterator[Report | Use]:
+        """Yield the estimate without implausible positions, and reports of new ones.
 
-        Args:
-            estimate: A localizer's, with map_from_odom finite everywhere.
-            airborne: (N,) which agents are in the air.
-            heard: (N,) agents that are heard: what they report is used.
-            velocity: (N, 3) that the agents report, m/s; NaN if unknown.
-            position: (N, 3) that they report, m, for its height; NaN if unknown.
+        Agents whose frames are not finite have the last known ones.
         """
+        estimate, telemetry = state.estimate, state.telemetry
+        if estimate.map_from_odom is not self._known_frames:
+            if not every(known := estimate.map_from_odom.known):
+                frames = estimate.map_from_odom.where(known, self._known_frames)
+                estimate = replace(estimate, map_from_odom=frames)
+            self._known_frames = estimate.map_from_odom
+        heard = telemetry.age <= MAX_REPORT_AGE
+        velocity, position = telemetry.velocity, telemetry.position
+        if estimate.heights is not None:  # over another surface than at the start
+            position, velocity = (
+                np.column_stack([reported[:, :2], over_start])
+                for reported, over_start in zip(
+                    (position, velocity), estimate.heights.T, strict=True
+                )
+            )
+            position, velocity = frozen(position), frozen(velocity)
         stands = self._judge(
             float(estimate.time),
             estimate.position,
             estimate.covariance,
             estimate.valid,
-            airborne,
+            state.airborne,
             heard,
             velocity,
             position,
-            self._frames.yaw,
         )
-        state, self._last_time = self._state, estimate.time
+        agents, self._last_time = self._state, estimate.time
         frames = estimate.map_from_odom
-        if not every(state["accepted"]):
-            frames = frames.where(state["accepted"], self._frames)
+        if not every(agents["accepted"]):
+            frames = frames.where(agents["accepted"], self._frames)
         self._frames = frames
-        if not stands:
-            return estimate, ()
-        jumps = [
-            Jump(row, *state["jump"][row].tolist())
-            for row in np.flatnonzero(~np.isnan(state["jump"][:, 0])).tolist()
-        ]
-        column = state["stands"][:, None]
-        return replace(
-            estimate,
-            position=np.where(column, state["accepted_position"], estimate.position),
-            velocity=np.where(column, 0.0, estimate.velocity),
-            covariance=np.where(
-                column[..., None], state["accepted_covariance"], estimate.covariance
-            ),
-            valid=state["accepted"].copy(),
-            map_from_odom=self._frames.where(state["stands"], estimate.map_from_odom),
-        ), jumps
+        if stands:
+            jump, column = agents["jump"], agents["stands"][:, None]
+            for row in np.flatnonzero(~np.isnan(jump[:, 0])).tolist():
+                yield Report("estimate", self._of_jump(row, *jump[row].tolist()), self._names[row])
+            estimate = replace(
+                estimate,
+                position=np.where(column, agents["accepted_position"], estimate.position),
+                velocity=np.where(column, 0.0, estimate.velocity),
+                covariance=np.where(
+                    column[..., None], agents["accepted_covariance"], estimate.covariance
+                ),
+                valid=agents["accepted"].copy(),
+                map_from_odom=frames.where(agents["stands"], estimate.map_from_odom),
+            )
+        if estimate is not state.estimate:
+            yield Use("estimate", estimate)
 
     def _judge(self, time: float, *tick: Any) -> bool:
-        return judge(time, time - self._last_time, self._speed, self._state, *tick)
+        seconds = time - self._last_time
+        return judge(time, seconds, self._speed, self._state, self._frames.yaw, *tick)
+
+    def _of_jump(self, row: int, distance: float, seconds: float, plausible: float) -> str:
+        """Return in words that a position is rejected after one that was accepted.
+
+        Args:
+            row: Of the agent.
+            distance: From the last position that was accepted, m.
+            seconds: Time since then, s.
+            plausible: Greatest distance that would have been accepted, m; NaN if the estimate has
+                not moved at all while the agent reported that it flew `distance`.
+        """
+        moved = f"moved {distance:.2f} m in {seconds:.2f} s, expected at most {plausible:.2f} m"
+        if np.isnan(plausible):
+            moved = f"did not change while it reported {distance:.2f} m of flight,"
+        name = self._names[row]
+        return f"{name} brakes: its estimated position {moved} from {self._localizer}"
 
 
 def _nothing() -> tuple[Any, ...]:
@@ -236,6 +198,7 @@ def judge(  # noqa: C901, PLR0912, PLR0913, PLR0915, PLR0917 -- the gate, in one
     seconds: float,
     top_speed: float,
     state: Any,
+    yaw: Array,
     position: Array,
     covariance: Array,
     valid: Mask,
@@ -243,15 +206,15 @@ def judge(  # noqa: C901, PLR0912, PLR0913, PLR0915, PLR0917 -- the gate, in one
     heard: Mask,
     velocity: Array,
     height: Array,
-    yaw: Array,
 ) -> bool:
-    """Accept or reject the estimate of each agent, as `EstimateGate` describes.
+    """Accept or reject the estimate of each agent, as `EstimateMonitor` describes.
 
     Args:
         time: Of the estimate, s.
         seconds: Since the last tick, s.
         top_speed: Greatest plausible speed, m/s.
         state: (N,) `STATE` of each agent, which is updated.
+        yaw: (N,) of the odometry frames that were accepted last, rad.
         position: (N, 3) m.
         covariance: (N, 3, 3) m².
         valid: (N,) agents that are located.
@@ -259,7 +222,6 @@ def judge(  # noqa: C901, PLR0912, PLR0913, PLR0915, PLR0917 -- the gate, in one
         heard: (N,) agents that are heard.
         velocity: (N, 3) that the agents report, m/s.
         height: (N, 3) positions that they report, m.
-        yaw: (N,) of the odometry frames that were accepted last, rad.
 
     Returns:
         Whether any agent keeps its last position.

@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
+from typing import cast
 
 import numpy as np
 import pytest
 
-from star_core import Array, Estimate, Mask, Order, Telemetry
+from star_core import AgentPhase, Array, Estimate, Limits, Mask, Order, Telemetry
 from star_core.safety.estimate_gate import (
     CORRECTION_SIGMAS,
     JUMP_MARGIN,
     MIN_PLAUSIBLE_SPEED,
     SPOILED_TIME,
     UNCORRECTED_MARGIN,
-    EstimateGate,
-    Jump,
+    EstimateMonitor,
 )
-from star_core.testing import estimate
+from star_core.testing import estimate, scene
+from star_core.toolkit import TickState, Use
 from tests.core.conftest import Lab
 
 SPEED, PERIOD = 0.5, 0.05  # m/s, s
@@ -26,16 +27,32 @@ AIRBORNE = np.ones(1, np.bool_)
 SILENT = np.full((1, 3), np.nan)
 
 
+def monitor() -> EstimateMonitor:
+    """The monitor of one agent."""
+    return EstimateMonitor(scene(1, limits=Limits(speed=SPEED)), "localizer 'seer'")
+
+
 def checked(
-    gate: EstimateGate,
+    gate: EstimateMonitor,
     now: Estimate,
     airborne: Mask = AIRBORNE,
     velocity: Array = SILENT,
     height: float = np.nan,
-) -> tuple[Estimate, Sequence[Jump]]:
+) -> tuple[Estimate, list[str]]:
     """Check the estimate of an agent that is heard and reports a velocity and a height."""
-    position = np.array([[np.nan, np.nan, height]])
-    return gate.check(now, airborne, np.ones(1, np.bool_), velocity, position)
+    position, zero = np.array([[np.nan, np.nan, height]]), np.zeros(1)
+    attitude, bits = np.zeros((1, 4)), np.zeros(1, np.int64)
+    telemetry = Telemetry(now.time, position, velocity, attitude, zero, bits, zero)
+    phase = np.where(airborne, AgentPhase.FLYING, AgentPhase.GROUNDED)
+    state = TickState(telemetry, phase, ~AIRBORNE)
+    state.estimate = now
+    texts = []
+    for finding in gate.check(state):
+        if isinstance(finding, Use):
+            state.estimate = cast("Estimate", finding.value)
+        else:
+            texts.append(finding.text)
+    return state.estimate, texts
 
 
 def believed(x: float, time: float, *, std: float = 0.01) -> Estimate:
@@ -46,7 +63,7 @@ def believed(x: float, time: float, *, std: float = 0.01) -> Estimate:
 
 def gated(*positions: float) -> list[bool]:
     """Which of these positions along x, m, in consecutive ticks in flight are accepted."""
-    gate = EstimateGate(1, SPEED)
+    gate = monitor()
     return [
         bool(checked(gate, believed(x, k * PERIOD))[0].valid[0]) for k, x in enumerate(positions)
     ]
@@ -61,7 +78,7 @@ def test_a_jump_is_rejected_until_the_estimate_is_back() -> None:
 
 
 def test_a_height_that_the_ranger_denies_is_rejected_for_good() -> None:
-    gate = EstimateGate(1, SPEED)
+    gate = monitor()
     descent = np.array([[0.0, 0.0, -0.3]])
 
     def accepted(tick: int, wrong: float, reported: float) -> bool:
@@ -79,7 +96,7 @@ def test_a_height_that_the_ranger_denies_is_rejected_for_good() -> None:
 def test_heights_over_an_obstacle_are_accepted() -> None:
     still = np.zeros((1, 3))
     for follows in (0.0, 1.0):  # whether the estimate is that of the ranger
-        gate = EstimateGate(1, SPEED)
+        gate = monitor()
         for k, top in enumerate((0.0, 0.0, 0.4, 0.4, 0.0)):
             now = estimate(np.array([[0.0, 0.0, 1.0 - follows * top]]), time=k * PERIOD)
             now = replace(now, covariance=1e-4 * np.eye(3)[None])
@@ -88,20 +105,23 @@ def test_heights_over_an_obstacle_are_accepted() -> None:
 
 
 def test_a_rejected_row_stays_where_it_was_at_rest() -> None:
-    gate = EstimateGate(1, SPEED)
+    gate = monitor()
     checked(gate, believed(0.3, 0.0))
     moved = replace(believed(50.0, PERIOD), velocity=np.ones((1, 3)))
-    answer, (jump,) = checked(gate, moved)
+    answer, (text,) = checked(gate, moved)
     assert answer.position.tolist() == [[0.3, 0.0, 1.0]]
     assert answer.velocity.tolist() == [[0.0, 0.0, 0.0]]
     assert not answer.valid.any()
-    assert (jump.row, jump.distance, jump.seconds) == pytest.approx((0, 49.7, PERIOD))
-    assert jump.plausible == pytest.approx(MIN_PLAUSIBLE_SPEED * PERIOD + UNCORRECTED_MARGIN)
+    most = MIN_PLAUSIBLE_SPEED * PERIOD + UNCORRECTED_MARGIN
+    assert text == (
+        "cf1 brakes: its estimated position moved 49.70 m in 0.05 s, expected at most "
+        f"{most:.2f} m from localizer 'seer'"
+    )
 
 
 def test_corrected_positions_may_jump_farther() -> None:
     def accepted(*stds: float) -> bool:
-        gate = EstimateGate(1, SPEED)
+        gate = monitor()
         for k, std in enumerate(stds):
             checked(gate, believed(0.0, k * PERIOD, std=std))
         jump = MIN_PLAUSIBLE_SPEED * PERIOD + 0.9 * JUMP_MARGIN
@@ -115,7 +135,7 @@ def test_corrected_positions_may_jump_farther() -> None:
 
 def stuck(*velocities: float, drift: float = 0.0) -> list[bool]:
     """In which ticks a position that only drifts is accepted while the agent reports velocities."""
-    gate = EstimateGate(1, SPEED)
+    gate = monitor()
     seen = []
     for k, velocity in enumerate(velocities):
         reported = np.array([[velocity, 0.0, 0.0]])
@@ -139,7 +159,7 @@ def spoiled(*velocities: float, airborne: bool = True) -> list[tuple[bool, float
 
     An agent that reports another velocity than 0 reports a random position.
     """
-    gate, random = EstimateGate(1, SPEED), np.random.default_rng(0)
+    gate, random = monitor(), np.random.default_rng(0)
     seen = []
     for k, velocity in enumerate(velocities):
         here = 0.1 if velocity == 0 else 0.1 + random.normal()
@@ -163,20 +183,20 @@ def test_random_velocity_reports_keep_the_last_position(*, airborne: bool) -> No
 
 
 def test_an_agent_that_reports_no_velocity_at_all_is_located() -> None:
-    gate = EstimateGate(1, SPEED)
+    gate = monitor()
     for k in range(5):
         assert checked(gate, believed(0.0, k * PERIOD))[0].valid.all()
 
 
 def test_a_jump_is_reported_once() -> None:
-    gate = EstimateGate(1, SPEED)
+    gate = monitor()
     checked(gate, believed(0.0, 0.0))
     jumps = [checked(gate, believed(50.0, k * PERIOD))[1] for k in range(1, 5)]
     assert [len(found) for found in jumps] == [1, 0, 0, 0]
 
 
 def test_a_jump_that_lasts_does_not_become_plausible() -> None:
-    gate = EstimateGate(1, SPEED)
+    gate = monitor()
     checked(gate, believed(0.0, 0.0))
     velocity = SPEED
     for k in range(1, 60):
@@ -192,7 +212,7 @@ def test_many_small_jumps_are_a_large_one() -> None:
 
 
 def test_a_correction_that_the_covariance_announced_is_accepted() -> None:
-    gate = EstimateGate(1, SPEED)
+    gate = monitor()
     drift = 1.0  # m, standard deviation along every axis
     checked(gate, believed(0.0, 0.0, std=drift))
     correction = 0.9 * CORRECTION_SIGMAS * drift
@@ -203,21 +223,21 @@ def test_a_correction_that_the_covariance_announced_is_accepted() -> None:
 
 
 def test_persistently_large_covariance_does_not_admit_jumps() -> None:
-    gate = EstimateGate(1, SPEED)
+    gate = monitor()
     checked(gate, believed(0.0, 0.0, std=1.0))
     answer, _ = checked(gate, believed(2.0, PERIOD, std=1.0))
     assert not answer.valid.any()
 
 
 def test_everything_is_accepted_on_the_ground() -> None:
-    gate, grounded = EstimateGate(1, SPEED), np.zeros(1, np.bool_)
+    gate, grounded = monitor(), np.zeros(1, np.bool_)
     checked(gate, believed(0.0, 0.0), grounded)
     assert checked(gate, believed(50.0, PERIOD), grounded)[0].valid.all()
     assert checked(gate, believed(50.0, 2 * PERIOD))[0].valid.all()
 
 
 def test_agents_rejected_in_flight_are_not_accepted_elsewhere() -> None:
-    gate, grounded = EstimateGate(1, SPEED), np.zeros(1, np.bool_)
+    gate, grounded = monitor(), np.zeros(1, np.bool_)
     at_rest = np.zeros((1, 3))
     checked(gate, believed(0.0, 0.0), AIRBORNE, at_rest)
     for k in range(1, 100):
@@ -230,7 +250,7 @@ def test_agents_rejected_in_flight_are_not_accepted_elsewhere() -> None:
 
 
 def test_unlocated_agents_may_reappear_within_flight_distance() -> None:
-    gate = EstimateGate(1, SPEED)
+    gate = monitor()
     checked(gate, believed(0.0, 0.0))
     lost = replace(believed(np.nan, 1.0), valid=np.zeros(1, np.bool_))
     checked(gate, lost)
