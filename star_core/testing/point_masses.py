@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
+from dataclasses import replace
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
@@ -197,20 +198,13 @@ class PointMasses:
 
     def estimate(self) -> Estimate:
         """Return the exact estimate of all agents, in the map."""
-        frames, exact = self._frames, self._exact
-        return Estimate.made(
-            self.time,
-            frames.apply(self.position),
-            frames.turn(self.velocity),
-            wrap_angle(self.yaw + frames.yaw),
-            exact.covariance,
-            exact.valid,
-            frames,
-            exact.sightings,
-            exact.corrections,
-            exact.possible_travel,
-            exact.detections,
-            exact.messages,
+        frames = self._frames
+        return replace(
+            self._exact,
+            time=self.time,
+            position=frames.apply(self.position),
+            velocity=frames.turn(self.velocity),
+            yaw=wrap_angle(self.yaw + frames.yaw),
         )
 
     def health(self) -> Health:
