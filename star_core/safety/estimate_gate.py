@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from star_core.messages.arrays import Array, Mask, every, frozen
+from star_core.messages.arrays import Array, Mask, every, freeze, frozen
 from star_core.messages.rotations import Transform
 from star_core.safety.agents_in_the_way import MAX_REPORT_AGE
 from star_core.safety.monitors import Report, Stage, TickState, Use
@@ -124,13 +124,9 @@ class EstimateMonitor:
         heard = telemetry.age <= MAX_REPORT_AGE
         velocity, position = telemetry.velocity, telemetry.position
         if estimate.heights is not None:  # over another surface than at the start
-            position, velocity = (
-                np.column_stack([reported[:, :2], over_start])
-                for reported, over_start in zip(
-                    (position, velocity), estimate.heights.T, strict=True
-                )
-            )
-            position, velocity = frozen(position), frozen(velocity)
+            position, velocity = position.copy(), velocity.copy()
+            position[:, 2], velocity[:, 2] = estimate.heights.T
+            freeze(position, velocity)
         stands = self._judge(
             float(estimate.time),
             estimate.position,
