@@ -63,6 +63,7 @@ def test_an_image_of_before_the_flight_is_not_kept(tmp_path: Path) -> None:
     recorder._save_images(Frames(np.zeros(2, np.int64), times, times, (image, image)))
     assert [file.name for file in Path("frames/cf1").iterdir()] == ["0000000.png"]
     recorder._events.close()
+    recorder.log.finish({"outcome": "completed", "reason": ""})
 
 
 def test_no_image_is_kept_unless_asked_for() -> None:

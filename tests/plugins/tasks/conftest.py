@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-import pytest
 
 from star_core import (
     AgentPhase,
@@ -73,7 +72,7 @@ def seen(swarm: PointMasses, located: Mask) -> Estimate:
     )
 
 
-def fly_task(
+def fly(
     task: Task,
     scene: Scene,
     start: Any,
@@ -82,8 +81,8 @@ def fly_task(
     located: Callable[[float], Mask] = all_located,
     stuck: Callable[[float], Mask] = lambda _time: np.zeros(1, np.bool_),
     longest: float = 120.0,
-) -> Flown:
-    """Fly a task until it is over, or for `longest` seconds.
+) -> Any:
+    """Fly a task until it is over, or for `longest` seconds; return what became of it, `Flown`.
 
     Trajectories are not flown on board: planners lead agents along them.
     """
@@ -107,41 +106,26 @@ def fly_task(
             if command.order is not Order.FOLLOW:
                 swarm.command(command)
         planned = planner.plan(now, goals).setpoint
-        fly = planned.active & swarm.steered() & ~stuck(flown.time)
-        swarm.send(replace(planned, active=fly))
+        led = planned.active & swarm.steered() & ~stuck(flown.time)
+        swarm.send(replace(planned, active=led))
         swarm.wait((tick + 1) * scene.period)
     return flown
 
 
-@pytest.fixture
-def fly() -> Callable[..., Flown]:
-    return fly_task
+def make(verb: str, scene: Scene, rows: tuple[int, ...], **options: Any) -> Any:
+    """Make a verb's task as the core does."""
+    spec = SPEC[verb]
+    return spec.make(scene, rows, **fill_defaults(options, spec.options))
 
 
-@pytest.fixture
-def make() -> Callable[..., Task]:
-    """Make a verb's task as the core does: verb, scene, rows, options."""
-
-    def made(verb: str, scene: Scene, rows: tuple[int, ...], **options: Any) -> Task:
-        spec = SPEC[verb]
-        return spec.make(scene, rows, **fill_defaults(options, spec.options))
-
-    return made
-
-
-@pytest.fixture
-def problems() -> Callable[..., list[tuple[tuple[str | int, ...], str]]]:
-    """What a verb's check finds: verb, scene, rows, options."""
-
-    def found(
-        verb: str, scene: Scene, rows: tuple[int, ...], **options: Any
-    ) -> list[tuple[tuple[str | int, ...], str]]:
-        spec = SPEC[verb]
-        assert spec.check is not None
-        found = spec.check(scene, rows, **fill_defaults(options, spec.options))
-        return [(problem.path, problem.message) for problem in found]
-
-    return found
+def problems(
+    verb: str, scene: Scene, rows: tuple[int, ...], **options: Any
+) -> list[tuple[tuple[str | int, ...], str]]:
+    """Return what a verb's check finds."""
+    spec = SPEC[verb]
+    assert spec.check is not None
+    found = spec.check(scene, rows, **fill_defaults(options, spec.options))
+    return [(problem.path, problem.message) for problem in found]
 
 
 class Changing:

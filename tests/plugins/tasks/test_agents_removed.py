@@ -1,4 +1,4 @@
-"""Verbs that go on without some of their agents."""
+"""Verbs that wait for agents, and that go on without some of them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 
 from star_core import AgentPhase, Health, Status
 from star_core.testing import estimate, health, scene
-from tests.plugins.tasks.conftest import Changing
+from tests.plugins.tasks.conftest import Changing, fly, make
 
 LEFT = 2.0  # s
 STAYING = (0, 2)
@@ -26,7 +26,7 @@ def stuck(time: float) -> Any:
 
 
 @pytest.mark.parametrize("verb", FLYING)
-def test_without_one_that_is_stuck_the_others_are_done(make: Any, fly: Any, verb: str) -> None:
+def test_without_one_that_is_stuck_the_others_are_done(verb: str) -> None:
     room = scene(3)
     whole = fly(make(verb, room, (0, 1, 2), **FLYING[verb]), room, AIR, stuck=stuck)
     assert whole.status is Status.RUNNING
@@ -37,15 +37,24 @@ def test_without_one_that_is_stuck_the_others_are_done(make: Any, fly: Any, verb
 
 
 @pytest.mark.parametrize("verb", FLYING)
-def test_an_agent_that_stays_flies_where_it_would_have_flown(
-    make: Any, fly: Any, verb: str
-) -> None:
+def test_an_agent_that_stays_flies_where_it_would_have_flown(verb: str) -> None:
     room = scene(3)
     whole = fly(make(verb, room, (0, 1, 2), **FLYING[verb]), room, AIR)
     task = Changing(make(verb, room, (0, 1, 2), **FLYING[verb]), LEFT, "on_agents_removed", STAYING)
     flown = fly(task, room, AIR)
     for row in STAYING:
         assert flown.end[row] == pytest.approx(whole.end[row], abs=0.1)
+
+
+@pytest.mark.parametrize("verb", [*FLYING, "formation"])
+def test_no_agent_departs_before_all_are_located(verb: str) -> None:
+    room = scene(3)
+    line = {"shape": "line", "centre": [0.0, 1.0, 0.8]}
+    task = make(verb, room, (0, 1, 2), **FLYING.get(verb, line))
+    flown = fly(task, room, AIR, located=lambda time: np.array([True, time >= 1.0, True]))
+    assert flown.goals[:20] == [None] * 20
+    assert flown.goals[20] is not None
+    assert flown.status is Status.SUCCESS
 
 
 @pytest.mark.parametrize(
@@ -56,7 +65,7 @@ def test_an_agent_that_stays_flies_where_it_would_have_flown(
     ],
 )
 def test_an_agent_that_stays_climbs_and_descends(
-    make: Any, verb: str, begins: AgentPhase, ends: AgentPhase
+    verb: str, begins: AgentPhase, ends: AgentPhase
 ) -> None:
     now = estimate(np.array(AIR))
     phases = np.full(3, int(ends))
@@ -70,7 +79,7 @@ def test_an_agent_that_stays_climbs_and_descends(
     assert task.step(now, there).status is Status.SUCCESS
 
 
-def test_agents_that_wait_get_no_goals(make: Any, fly: Any) -> None:
+def test_agents_that_wait_get_no_goals() -> None:
     room = scene(3)
     flown = fly(make("wait", room, (0, 1, 2)), room, AIR, longest=3.0)
     assert flown.status is Status.RUNNING

@@ -16,6 +16,7 @@ from star_core import AgentPhase, Array
 from star_core.testing import estimate, health, scene
 from star_verbs import step_agents
 from star_verbs.step_agents import StepAgents, assign
+from tests.plugins.tasks.conftest import make
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -87,9 +88,7 @@ def test_a_larger_swarm_imports_scipy_before_it_flies() -> None:
     ("verb", "options"),
     [("formation", {"shape": "grid", "centre": [0, 0, 0.8]}), ("goto", {"to": [0, 0, 0.8]})],
 )
-def test_a_stuck_agent_and_one_before_it_exchange(
-    make: Any, verb: str, options: dict[str, Any]
-) -> None:
+def test_a_stuck_agent_and_one_before_it_exchange(verb: str, options: dict[str, Any]) -> None:
     room = scene(6)
     task = make(verb, room, tuple(range(6)), **options, spacing=0.6)
     there = np.array([[x, y, 0.8] for y in (0.3, -0.3) for x in (-0.6, 0.0, 0.6)])

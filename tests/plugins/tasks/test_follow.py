@@ -9,8 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from star_core import Array, Obstacle, Scene, Status
+from star_core import Array, Limits, Obstacle, Scene, Status
 from star_core.testing import scene
+from tests.plugins.tasks import trajectories
+from tests.plugins.tasks.conftest import fly, make, problems
 
 BOX: dict[str, Any] = {"path": "box", "size": 2.0, "centre": [0.0, 0.0, 0.8]}
 CIRCLE = BOX | {"path": "circle"}
@@ -19,8 +21,7 @@ CORNER = [[-1.0, -1.0, 0.8]]
 
 
 def with_file(folder: Path, n: int, text: str) -> Scene:
-    (folder / "path.csv").write_text(text, encoding="utf-8")
-    return replace(scene(n), folder=folder)
+    return trajectories.with_file(folder, text, n, Limits())
 
 
 def off_box(track: Array) -> Array:
@@ -29,16 +30,17 @@ def off_box(track: Array) -> Array:
     return off
 
 
-def test_an_agent_flies_the_box_at_the_speed(make: Any, fly: Any) -> None:
+def test_an_agent_flies_the_box_at_the_speed() -> None:
     room = scene(1)
     flown = fly(make("follow", room, (0,), **BOX, speed=0.4), room, CORNER)
     assert flown.status is Status.SUCCESS
+    assert flown.limit == pytest.approx(3 * 8.0 / 0.4 + 5)
     assert flown.time == pytest.approx(8.0 / 0.4, abs=0.5)
     assert off_box(flown.track[:, 0]).max() < 0.05
     assert np.abs(flown.end - CORNER).max() < 0.15
 
 
-def test_it_flies_to_the_start_first(make: Any, fly: Any) -> None:
+def test_it_flies_to_the_start_first() -> None:
     room = scene(1)
     flown = fly(make("follow", room, (0,), **BOX), room, [[-1.0, -4.0, 0.8]])
     near = np.linalg.norm(flown.track[:, 0] - CORNER[0], axis=1) < 0.15
@@ -47,14 +49,14 @@ def test_it_flies_to_the_start_first(make: Any, fly: Any) -> None:
     assert flown.status is Status.SUCCESS
 
 
-def test_the_number_of_laps_is_flown(make: Any, fly: Any) -> None:
+def test_the_number_of_laps_is_flown() -> None:
     room = scene(1)
     once = fly(make("follow", room, (0,), **CIRCLE), room, [[1.0, 0.0, 0.8]])
     thrice = fly(make("follow", room, (0,), **CIRCLE, laps=3), room, [[1.0, 0.0, 0.8]])
     assert thrice.time == pytest.approx(3 * once.time, abs=1.0)
 
 
-def test_the_goal_moves_with_a_feed_forward_along_the_path(make: Any, fly: Any) -> None:
+def test_the_goal_moves_with_a_feed_forward_along_the_path() -> None:
     room = scene(1)
     flown = fly(make("follow", room, (0,), **CIRCLE), room, [[1.0, 0.0, 0.8]])
     middle, after = flown.goals[100], flown.goals[101]
@@ -63,7 +65,7 @@ def test_the_goal_moves_with_a_feed_forward_along_the_path(make: Any, fly: Any) 
     assert middle.velocity[0] == pytest.approx(moved[0], abs=0.01)
 
 
-def test_no_agent_exceeds_the_limit(make: Any, fly: Any) -> None:
+def test_no_agent_exceeds_the_limit() -> None:
     room = scene(1)
     flown = fly(make("follow", room, (0,), **CIRCLE, speed=3.0), room, [[1.0, 0.0, 0.8]])
     steps = np.linalg.norm(np.diff(flown.track[:, 0], axis=0), axis=1) / room.period
@@ -71,7 +73,7 @@ def test_no_agent_exceeds_the_limit(make: Any, fly: Any) -> None:
     assert steps.max() <= 0.5 + 1e-9
 
 
-def test_the_point_waits_for_an_agent_that_lags(make: Any, fly: Any) -> None:
+def test_the_point_waits_for_an_agent_that_lags() -> None:
     room = scene(1)
     task = make("follow", room, (0,), **CIRCLE)
     held = [[1.0, 0.0, 0.8]]
@@ -84,7 +86,7 @@ def test_the_point_waits_for_an_agent_that_lags(make: Any, fly: Any) -> None:
     assert flown.status is Status.SUCCESS
 
 
-def test_the_point_waits_while_its_agent_is_not_located(make: Any, fly: Any) -> None:
+def test_the_point_waits_while_its_agent_is_not_located() -> None:
     room = scene(1)
     task = make("follow", room, (0,), **CIRCLE)
     seen = lambda time: np.array([not 5.0 <= time < 25.0])  # noqa: E731 -- read with the call
@@ -93,16 +95,7 @@ def test_the_point_waits_while_its_agent_is_not_located(make: Any, fly: Any) -> 
     assert flown.status is Status.SUCCESS
 
 
-def test_it_waits_until_all_are_located(make: Any, fly: Any) -> None:
-    room = scene(2)
-    task = make("follow", room, (0, 1), **CIRCLE)
-    start = [[1.0, 0.0, 0.8], [-1.0, 0.0, 0.8]]
-    flown = fly(task, room, start, located=lambda time: np.array([True, time >= 1.0]))
-    assert flown.goals[19] is None
-    assert flown.status is Status.SUCCESS
-
-
-def test_several_agents_stay_evenly_apart(make: Any, fly: Any) -> None:
+def test_several_agents_stay_evenly_apart() -> None:
     room = scene(2)
     task = make("follow", room, (0, 1), **CIRCLE)
     flown = fly(task, room, [[-1.0, 0.0, 0.8], [1.0, 0.0, 0.8]])
@@ -112,7 +105,7 @@ def test_several_agents_stay_evenly_apart(make: Any, fly: Any) -> None:
     assert flown.end[0] == pytest.approx([-1.0, 0.0, 0.8], abs=0.15)
 
 
-def test_when_one_agent_lags_all_wait(make: Any, fly: Any) -> None:
+def test_when_one_agent_lags_all_wait() -> None:
     room = scene(2)
     task = make("follow", room, (0, 1), **CIRCLE)
     start = [[-1.0, 0.0, 0.8], [1.0, 0.0, 0.8]]
@@ -123,7 +116,7 @@ def test_when_one_agent_lags_all_wait(make: Any, fly: Any) -> None:
 
 
 @pytest.mark.parametrize("n", [2, 3, 4])
-def test_no_two_agents_meet_at_the_crossing_of_the_figure_8(make: Any, fly: Any, n: int) -> None:
+def test_no_two_agents_meet_at_the_crossing_of_the_figure_8(n: int) -> None:
     room = scene(n)
     begin = make("follow", room, tuple(range(n)), **EIGHT)
     start = fly(begin, room, [[i - 1.5, -2.0, 0.8] for i in range(n)], longest=0.1)
@@ -133,7 +126,7 @@ def test_no_two_agents_meet_at_the_crossing_of_the_figure_8(make: Any, fly: Any,
     assert apart[:, *np.triu_indices(n, 1)].min() > 0.6
 
 
-def test_looking_along_turns_with_the_path_but_not_too_fast(make: Any, fly: Any) -> None:
+def test_looking_along_turns_with_the_path_but_not_too_fast() -> None:
     room = scene(1)
     flown = fly(make("follow", room, (0,), **BOX, heading="along"), room, CORNER)
     yaw = np.array([goals.yaw[0] for goals in flown.goals])
@@ -143,7 +136,7 @@ def test_looking_along_turns_with_the_path_but_not_too_fast(make: Any, fly: Any)
     assert np.degrees(yaw[200]) == pytest.approx(90.0)  # along the second
 
 
-def test_a_file_is_flown_with_its_heading(make: Any, fly: Any, tmp_path: Path) -> None:
+def test_a_file_is_flown_with_its_heading(tmp_path: Path) -> None:
     room = with_file(tmp_path, 1, "x,y,z,yaw_deg\n0,0,1,0\n2,0,1,0\n2,1,1.5,90\n")
     flown = fly(make("follow", room, (0,), file="path.csv"), room, [[0.0, 0.0, 1.0]])
     assert flown.status is Status.SUCCESS
@@ -151,7 +144,7 @@ def test_a_file_is_flown_with_its_heading(make: Any, fly: Any, tmp_path: Path) -
     assert np.degrees(flown.yaw[-1]) == pytest.approx([90.0], abs=10)
 
 
-def test_agents_fly_a_file_side_by_side(make: Any, fly: Any, tmp_path: Path) -> None:
+def test_agents_fly_a_file_side_by_side(tmp_path: Path) -> None:
     room = with_file(tmp_path, 2, "x,y,z\n0,0,1\n0,2,1\n")
     task = make("follow", room, (0, 1), file="path.csv", spacing=0.8)
     flown = fly(task, room, [[0.5, 0.0, 1.0], [-0.5, 0.0, 1.0]])
@@ -159,13 +152,7 @@ def test_agents_fly_a_file_side_by_side(make: Any, fly: Any, tmp_path: Path) -> 
     assert flown.end == pytest.approx(np.array([[0.4, 2.0, 1.0], [-0.4, 2.0, 1.0]]), abs=0.15)
 
 
-def test_a_path_may_take_three_times_its_length_and_5_s(make: Any, fly: Any) -> None:
-    room = scene(1)
-    flown = fly(make("follow", room, (0,), **BOX, speed=0.4), room, CORNER, longest=0.1)
-    assert flown.limit == pytest.approx(3 * 8.0 / 0.4 + 5)
-
-
-def test_a_route_that_the_remaining_agents_cannot_fly_fails(make: Any, fly: Any) -> None:
+def test_a_route_that_the_remaining_agents_cannot_fly_fails() -> None:
     room = scene(1)
     task = make("follow", room, (0,), **BOX | {"centre": [9.5, 0.0, 0.8]})
     flown = fly(task, room, CORNER)
@@ -173,16 +160,9 @@ def test_a_route_that_the_remaining_agents_cannot_fly_fails(make: Any, fly: Any)
     assert flown.reason.startswith("box: [10.5, -1, 0.8] is outside the fence")
 
 
-def test_a_good_path_is_no_problem(problems: Any) -> None:
-    assert problems("follow", scene(2), (0, 1), **EIGHT, laps=2) == []
-
-
-def test_points_shifted_into_an_obstacle_are_reported_with_shift(
-    problems: Any, tmp_path: Path
-) -> None:
-    (tmp_path / "path.csv").write_text("x,y,z\n0.5,-1,0.8\n0.5,1,0.8\n0,2,0.8\n")
+def test_points_shifted_into_an_obstacle_are_reported_with_shift(tmp_path: Path) -> None:
     pillar = Obstacle("pillar", (((0.7, 0.9), (1.1, 0.9), (1.1, 1.1), (0.7, 1.1)),), (0.0, 2.0))
-    room = replace(scene(2), folder=tmp_path)
+    room = with_file(tmp_path, 2, "x,y,z\n0.5,-1,0.8\n0.5,1,0.8\n0,2,0.8\n")
     room = replace(room, world=replace(room.world, obstacles=(pillar,)))
     found = problems("follow", room, (0, 1), file="path.csv")
     assert found == [
@@ -194,62 +174,15 @@ def test_points_shifted_into_an_obstacle_are_reported_with_shift(
     ]
 
 
-def test_paths_crossing_an_obstacle_between_corners_are_reported(problems: Any) -> None:
-    pillar = Obstacle("pillar", (((-0.1, -1.1), (0.1, -1.1), (0.1, -0.9), (-0.1, -0.9)),), (0, 3))
-    room = scene(1)
-    room = replace(room, world=replace(room.world, obstacles=(pillar,)))
-    ((path, message),) = problems("follow", room, (0,), **BOX)
-    assert path == ("path",)
-    assert message.startswith("box: [-0.1, -1, 0.8] is inside obstacle 'pillar'")
-
-
-def test_agents_without_room_on_the_path_are_a_problem(problems: Any) -> None:
-    ((path, message),) = problems("follow", scene(3), (0, 1, 2), **CIRCLE | {"size": 0.6})
-    assert path == ("size",)
-    assert message == (
-        "3 agents on this circle come within 0.52 m of each other, less than the spacing of 0.6 m"
-    )
-
-
-@pytest.mark.parametrize(
-    ("options", "expected"),
-    [
-        (
-            {**BOX, "file": "path.csv"},
-            [(("path",), "'path' does not go with 'file', expected one of them")],
-        ),
-        ({}, [((), "expected 'file' or 'path'")]),
-        (
-            {"path": "circle"},
-            [((), "path 'circle' needs 'size'"), ((), "path 'circle' needs 'centre'")],
-        ),
-        (
-            {"file": "path.csv", "laps": 2},
-            [(("laps",), "'laps' goes with 'path' only, not with 'file'")],
-        ),
-        (
-            {"file": "path.csv", "timescale": 2.0, "on_board": True},
-            [
-                (("timescale",), "'timescale' goes with 'format: timed' or 'poly7' only"),
-                (("on_board",), "'on_board' goes with 'format: timed' or 'poly7' only"),
-            ],
-        ),
-    ],
-)
-def test_conflicting_options_are_refused(
-    problems: Any, options: dict[str, Any], expected: list[Any]
-) -> None:
-    assert problems("follow", scene(1), (0,), **options) == expected
-
-
-def test_what_is_wrong_with_a_file_is_a_problem(problems: Any, tmp_path: Path) -> None:
-    room = with_file(tmp_path, 1, "x,y,z\n0,0,1\n1,x,1\n")
-    assert problems("follow", room, (0,), file="path.csv") == [
-        (("file",), "path.csv:3: y is 'x', expected a number [invalid-trajectory]")
+def test_options_of_trajectories_do_not_go_with_waypoints() -> None:
+    options = {"file": "path.csv", "timescale": 2.0, "on_board": True}
+    assert problems("follow", scene(1), (0,), **options) == [
+        ((option,), f"'{option}' goes with 'format: timed' or 'poly7' only")
+        for option in ("timescale", "on_board")
     ]
 
 
-def test_unreachable_waypoints_are_reported_with_their_line(problems: Any, tmp_path: Path) -> None:
+def test_unreachable_waypoints_are_reported_with_their_line(tmp_path: Path) -> None:
     room = with_file(tmp_path, 1, "x,y,z\n0,0,1\n0,0,2\n0,1,2\n0,0,1\n0,0,0.1\n")
     assert problems("follow", room, (0,), file="path.csv") == [
         (("file",), f"path.csv:{line}: {point} is outside the heights to fly at, from 0.2 to 1.8 m")
@@ -257,7 +190,7 @@ def test_unreachable_waypoints_are_reported_with_their_line(problems: Any, tmp_p
     ]
 
 
-def test_every_agents_own_line_is_looked_at(problems: Any, tmp_path: Path) -> None:
+def test_every_agents_own_line_is_looked_at(tmp_path: Path) -> None:
     room = with_file(tmp_path, 2, "x,y,z\n9.8,0,1\n9.8,1,1\n")
     assert len(problems("follow", room, (0, 1), file="path.csv")) == 1
     assert problems("follow", room, (0,), file="path.csv") == []

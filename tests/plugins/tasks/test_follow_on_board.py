@@ -10,41 +10,26 @@ import numpy as np
 import pytest
 
 import star_core
-from star_core import Array, Limits, Order, Registry, Scene, Status, Tick, hookimpl, load
-from star_core.discovery import Source
-from star_core.testing import scene
-from star_verbs.follow.files import PIECE_COLUMNS
+from star_core import Array, Order, Registry, Scene, Status, Tick, hookimpl, load
+from tests.plugins.mission_files import write_mission
+from tests.plugins.tasks.conftest import fly, make, problems
+from tests.plugins.tasks.trajectories import HEADER, NOTHING, POLY7, row, there_and_back, with_file
 
 pytestmark = pytest.mark.ideal_world
 
-POLY7: dict[str, Any] = {"file": "path.csv", "format": "poly7"}
 ON_BOARD = POLY7 | {"on_board": True}
-HEADER = ",".join(PIECE_COLUMNS)
-WAY, HALF = 1.0, 4.0  # m along x and back, s each
-
-
-def row(start: float, way: float, yaw: float = 0.0) -> str:
-    """A piece that stands still at both ends."""
-    third, fourth, fifth = (f * way / HALF**k for f, k in ((10, 3), (-15, 4), (6, 5)))
-    zeros = [0.0] * 8
-    x = [start, 0.0, 0.0, third, fourth, fifth, 0.0, 0.0]
-    return ",".join(map(repr, [HALF, *x, *zeros, *zeros, yaw, *zeros[1:]]))
+WAY, HALF = 1.0, 4.0  # m along x and back, s each, as `there_and_back` has them
 
 
 @pytest.fixture
 def room(tmp_path: Path) -> Scene:
-    return with_file(tmp_path, f"{HEADER}\n{row(0.0, WAY)}\n{row(WAY, -WAY)}\n")
-
-
-def with_file(folder: Path, text: str) -> Scene:
-    (folder / "path.csv").write_text(text, encoding="utf-8")
-    return replace(scene(2, limits=Limits(speed=2.0, acceleration=10.0)), folder=folder)
+    return with_file(tmp_path, there_and_back(), 2)
 
 
 HERE = [[3.0, 2.0, 1.0], [3.0, 3.5, 1.2]]
 
 
-def test_all_are_ordered_at_once_with_the_files_pieces(make: Any, fly: Any, room: Scene) -> None:
+def test_all_are_ordered_at_once_with_the_files_pieces(room: Scene) -> None:
     task = make("follow", room, (0, 1), **ON_BOARD, timescale=2.0)
     flown = fly(task, room, HERE)
     (command,) = flown.commands
@@ -59,7 +44,7 @@ def test_all_are_ordered_at_once_with_the_files_pieces(make: Any, fly: Any, room
     assert flown.status is Status.SUCCESS
 
 
-def test_in_the_map_the_frames_lie_side_by_side(make: Any, fly: Any, room: Scene) -> None:
+def test_in_the_map_the_frames_lie_side_by_side(room: Scene) -> None:
     room = replace(room, limits=replace(room.limits, height=(-1.0, 2.0)))
     room = replace(room, world=replace(room.world, fence=replace(room.world.fence, low=(-9,) * 3)))
     task = make("follow", room, (0, 1), **ON_BOARD, relative=False, spacing=1.0)
@@ -71,18 +56,18 @@ def test_in_the_map_the_frames_lie_side_by_side(make: Any, fly: Any, room: Scene
     assert np.linalg.norm(flown.track[before] - command.position, axis=1).max() <= 0.15
 
 
-def test_what_is_led_off_board_orders_nothing(make: Any, fly: Any, room: Scene) -> None:
+def test_what_is_led_off_board_orders_nothing(room: Scene) -> None:
     task = make("follow", room, (0, 1), **POLY7)
     assert fly(task, room, HERE).commands == []
     assert task.trajectories == ()
 
 
-def test_equal_files_are_one_trajectory(make: Any, room: Scene) -> None:
+def test_equal_files_are_one_trajectory(room: Scene) -> None:
     one, other = (make("follow", room, (i,), **ON_BOARD, timescale=1.0 + i) for i in range(2))
     assert one.trajectories == other.trajectories
 
 
-def test_the_points_move_in_the_commanders_time(make: Any, fly: Any, room: Scene) -> None:
+def test_the_points_move_in_the_commanders_time(room: Scene) -> None:
     flown = fly(make("follow", room, (0, 1), **ON_BOARD), room, HERE)
     goals = np.array([one.position[0, 0] - HERE[0][0] for one in flown.goals])
     begun = next(i for i, one in enumerate(flown.goals) if one.velocity.any()) - 1
@@ -95,9 +80,7 @@ def smooth(u: Array) -> Array:
     return WAY * (10 * u**3 - 15 * u**4 + 6 * u**5)
 
 
-def test_a_flight_on_board_waits_for_late_agents_at_its_end_only(
-    make: Any, fly: Any, room: Scene
-) -> None:
+def test_a_flight_on_board_waits_for_late_agents_at_its_end_only(room: Scene) -> None:
     held = lambda time: np.array([1.0 <= time < 12.0, False])  # noqa: E731 -- read with the call
     flown = fly(make("follow", room, (0, 1), **ON_BOARD), room, HERE, stuck=held)
     at_turn = flown.goals[round(HALF / room.period)].position[:, 0]
@@ -105,8 +88,8 @@ def test_a_flight_on_board_waits_for_late_agents_at_its_end_only(
     assert flown.status is Status.SUCCESS
 
 
-def test_they_look_where_it_begins_before_they_set_out(make: Any, fly: Any, tmp_path: Path) -> None:
-    room = with_file(tmp_path, f"{HEADER}\n{row(0.0, WAY, yaw=2.0)}\n{row(WAY, -WAY, yaw=2.0)}\n")
+def test_they_look_where_it_begins_before_they_set_out(tmp_path: Path) -> None:
+    room = with_file(tmp_path, there_and_back(yaw=(2.0, *NOTHING[1:])), 2)
     task = make("follow", room, (0,), **ON_BOARD)
     flown = fly(task, room, HERE)
     begun = next(i for i, one in enumerate(flown.goals) if one.velocity.any())
@@ -114,7 +97,7 @@ def test_they_look_where_it_begins_before_they_set_out(make: Any, fly: Any, tmp_
     assert flown.status is Status.SUCCESS
 
 
-def test_a_replacement_is_steered_to_the_reference(make: Any, fly: Any, room: Scene) -> None:
+def test_a_replacement_is_steered_to_the_reference(room: Scene) -> None:
     task = make("follow", room, (0,), **ON_BOARD)
     fly(task, room, HERE, longest=2.0)
     task.on_agent_replaced(0, 1)
@@ -123,15 +106,11 @@ def test_a_replacement_is_steered_to_the_reference(make: Any, fly: Any, room: Sc
     assert flown.goals[0].active.tolist() == [False, True]
 
 
-def test_a_good_trajectory_is_no_problem(problems: Any, room: Scene) -> None:
-    assert problems("follow", room, (0, 1), **ON_BOARD) == []
-
-
 @pytest.mark.parametrize(("pieces", "fits"), [(31, True), (32, False)])
 def test_more_pieces_than_a_crazyflie_holds_are_a_problem(
-    problems: Any, tmp_path: Path, pieces: int, fits: bool  # noqa: FBT001 -- what is expected
-) -> None:  # fmt: skip
-    room = with_file(tmp_path, "\n".join([HEADER, *[row(0.0, 0.0)] * pieces]))
+    tmp_path: Path, pieces: int, *, fits: bool
+) -> None:
+    room = with_file(tmp_path, "\n".join([HEADER, *[row(HALF)] * pieces]))
     message = (
         "path.csv has 32 pieces of 132 bytes, 4224 bytes in all; a Crazyflie has 4096 bytes for "
         "trajectories: 31 pieces at most"
@@ -143,22 +122,7 @@ def test_more_pieces_than_a_crazyflie_holds_are_a_problem(
 
 # Whole missions in the simulator, without noise
 
-ROOM = "star: 1\nname: room\nfence: {low: [-3, -3, 0], high: [3, 3, 2]}\n"
-MISSION = """\
-star: 1
-name: hook
-world: room.yaml
-rate: 20
-limits: {{speed: 1.0}}
-transport: {{use: sim, noise: false}}
-localizer: flow
-planner: straight
-avoider: orca
-swarm:
-  cf1: {{start: [0, 0, 0], yaw_deg: 120}}
-  cf2: {{start: [0.5, 1, 0], yaw_deg: -60}}
-mission:
-{steps}"""
+SWARM = "{cf1: {start: [0, 0, 0], yaw_deg: 120}, cf2: {start: [0.5, 1, 0], yaw_deg: -60}}"
 ALONE = """\
   - takeoff: {agents: cf1, height: 0.8}
   - follow: {agents: cf1, file: path.csv, format: poly7, timescale: 1.5, on_board: true}
@@ -185,14 +149,17 @@ class Watch:
 
 
 def flown_mission(folder: Path, steps: str) -> tuple[dict[str, Any], list[Tick]]:
-    (folder / "room.yaml").write_text(ROOM, encoding="utf-8")
-    (folder / "path.csv").write_text(
-        f"{HEADER}\n{row(0.0, WAY)}\n{row(WAY, -WAY)}\n", encoding="utf-8"
+    (folder / "path.csv").write_text(there_and_back(), encoding="utf-8")
+    path = write_mission(
+        folder,
+        steps,
+        limits="{speed: 1.0}",
+        transport="{use: sim, noise: false}",
+        avoider="orca",
+        swarm=SWARM,
     )
-    (folder / "hook.yaml").write_text(MISSION.format(steps=steps), encoding="utf-8")
-    registry, watch = Registry(), Watch()
-    registry.add(watch, Source("test:watch", "1"))
-    return star_core.fly(load(folder / "hook.yaml", registry), registry), watch.ticks
+    registry = Registry(watch := Watch())
+    return star_core.fly(load(path, registry), registry), watch.ticks
 
 
 def test_on_board_polynomials_do_not_depend_on_heading(tmp_path: Path) -> None:

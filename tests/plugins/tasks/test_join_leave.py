@@ -21,16 +21,17 @@ from star_core import (
     load,
 )
 from star_core import fly as fly_mission
-from star_core.discovery import Source
 from star_core.testing import estimate, health, scene
 from star_sim import ideal_world
 from star_sim.transport import Simulator
+from tests.plugins.mission_files import write_mission
+from tests.plugins.tasks.conftest import fly, make
 
 GROUND = np.array([[-1.0, 0.0, 0.0], [0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
 GROUNDED = AgentPhase.GROUNDED
 
 
-def joins(make: Any, where: Any = GROUND, volt: float = 4.1) -> Any:
+def joins(where: Any = GROUND, volt: float = 4.1) -> Any:
     """Output of the first agent's join."""
     task = make("join", scene(3), (0,), battery=3.8)
     well = replace(health(3, GROUNDED), battery=np.array([volt, 4.0, 4.0]))
@@ -38,21 +39,21 @@ def joins(make: Any, where: Any = GROUND, volt: float = 4.1) -> Any:
     return task.step(estimate(np.array(where)), well)
 
 
-def test_an_agent_that_is_fit_takes_off(make: Any) -> None:
-    step = joins(make)
+def test_an_agent_that_is_fit_takes_off() -> None:
+    step = joins()
     (command,) = step.commands
     assert (command.order, command.agent.tolist()) == (Order.TAKEOFF, [0])
     assert step.status is Status.RUNNING
 
 
 @pytest.mark.parametrize(("volt", "shown"), [(3.7, "3.70"), (np.nan, "nan")])
-def test_agents_with_low_or_unknown_battery_do_not_join(make: Any, volt: float, shown: str) -> None:
-    step = joins(make, volt=volt)
+def test_agents_with_low_or_unknown_battery_do_not_join(volt: float, shown: str) -> None:
+    step = joins(volt=volt)
     assert step.status is Status.FAILURE
     assert step.reason == f"the battery of cf1 is at {shown} V, 3.8 V needed"
 
 
-def test_an_agent_that_is_not_located_stays_down_until_it_is(make: Any) -> None:
+def test_an_agent_that_is_not_located_stays_down_until_it_is() -> None:
     task = make("join", scene(3), (0,), battery=3.8)
     well = replace(health(3, GROUNDED), battery=np.full(3, 4.1))
     task.begin(estimate(GROUND), well)
@@ -85,36 +86,21 @@ class Deafness:
 
 
 def test_unheard_agents_do_not_join_and_the_others_land(tmp_path: Path) -> None:
-    (tmp_path / "room.yaml").write_text(
-        "star: 1\nname: room\nfence: {low: [-2, -2, 0], high: [2, 2, 2]}\n"
-    )
-    mission = tmp_path / "m.yaml"
-    mission.write_text("""\
-star: 1
-name: m
-world: room.yaml
-swarm: {cf1: {start: [-1, 0, 0]}, cf2: {start: [1, 0, 0]}}
-reserve: {agents: [cf2]}
-transport: deaf
-localizer: flow
-planner: straight
-avoider: none
-mission: [takeoff: {height: 0.5}, join: {agents: cf2, height: 0.5}]
-""")
-    registry = Registry()
-    registry.add(Deafness(), Source("their-dist:deaf"))
+    steps = "  - takeoff: {height: 0.5}\n  - join: {agents: cf2, height: 0.5}\n"
+    mission = write_mission(tmp_path, steps, reserve="{agents: [cf2]}", transport="deaf")
+    registry = Registry(Deafness())
     summary = fly_mission(load(mission, registry), registry)
     assert summary["outcome"] == "failed"
     assert "cf2" in summary["reason"]
     assert summary["path_length_m"]["per_agent"]["cf2"] < 0.05
 
 
-def test_no_agent_takes_off_under_another(make: Any) -> None:
-    step = joins(make, [[-1.0, 0.0, 0.0], [-0.8, 0.0, 1.0], [1.0, 0.0, 0.0]])
+def test_no_agent_takes_off_under_another() -> None:
+    step = joins([[-1.0, 0.0, 0.0], [-0.8, 0.0, 1.0], [1.0, 0.0, 0.0]])
     assert (step.status, step.reason) == (Status.FAILURE, "cf2 is above cf1")
 
 
-def test_an_agent_that_leaves_flies_home_and_lands_there(make: Any, fly: Any) -> None:
+def test_an_agent_that_leaves_flies_home_and_lands_there() -> None:
     room = scene(3)  # they start 1 m apart on a line
     away = [[0.0, 2.0, 1.1], [0.0, 0.0, 1.0], [1.0, 0.0, 1.0]]
     flown = fly(make("leave", room, (0,)), room, away)
@@ -127,13 +113,13 @@ def test_an_agent_that_leaves_flies_home_and_lands_there(make: Any, fly: Any) ->
     assert high[there] == pytest.approx(1.1, abs=0.05)
 
 
-def test_the_timeout_of_leave_covers_flight_and_descent(make: Any, fly: Any) -> None:
+def test_the_timeout_of_leave_covers_flight_and_descent() -> None:
     room = scene(1)
     flown = fly(make("leave", room, (0,), speed=0.3), room, [[3.0, 0.0, 1.0]])
     assert flown.time < flown.limit
 
 
-def lands(make: Any, *away: float, ticks: int = 60) -> bool:
+def lands(*away: float, ticks: int = 60) -> bool:
     """Whether a leave lands an agent that is so far from its home, m, tick after tick."""
     task = make("leave", scene(1), (0,))
     for tick in range(ticks):
@@ -145,15 +131,12 @@ def lands(make: Any, *away: float, ticks: int = 60) -> bool:
     return False
 
 
-def test_an_agent_that_is_kept_from_its_home_lands_near_it(make: Any) -> None:
-    assert lands(make, 0.3)
-    assert not lands(make, 0.3, ticks=40)
+def test_an_agent_that_is_kept_from_its_home_lands_near_it_only() -> None:
+    assert lands(0.3)
+    assert not lands(0.3, ticks=40)
+    assert not lands(0.6)
 
 
-def test_an_agent_that_is_kept_far_from_its_home_does_not_land(make: Any) -> None:
-    assert not lands(make, 0.6)
-
-
-def test_agents_still_approaching_home_do_not_land_yet(make: Any) -> None:
+def test_agents_still_approaching_home_do_not_land_yet() -> None:
     slowly = np.linspace(0.5, 0.15, 100)  # 7 cm a second
-    assert not lands(make, *slowly, ticks=100)
+    assert not lands(*slowly, ticks=100)

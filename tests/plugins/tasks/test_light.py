@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -14,20 +13,8 @@ from star_core import InputError, Registry, fly, load
 from star_core.testing import scene
 from tests.core.conftest import Lab
 from tests.core.robots import Robots
-
-MISSION = """\
-star: 1
-name: lights
-world: {WORLD}
-limits: {{speed: 0.5, height: [0.2, 1.8]}}
-swarm: {{cf1: {{start: [0, 0, 0]}}, cf2: {{start: [0, 1, 0]}}}}
-transport: sim
-localizer: flow
-planner: straight
-avoider: orca
-mission:
-  - light: {{color: {COLOR}}}
-"""
+from tests.plugins.mission_files import write_mission
+from tests.plugins.tasks.conftest import make
 
 
 class LitRobots(Robots):
@@ -42,9 +29,7 @@ class LitRobots(Robots):
 @pytest.mark.parametrize(
     ("color", "rgb"), [("orange", (255, 128, 0)), ("#0A0b0c", (10, 11, 12)), ("off", (0, 0, 0))]
 )
-def test_a_light_sets_rings_and_color_decks(
-    make: Any, color: str, rgb: tuple[int, int, int]
-) -> None:
+def test_a_light_sets_rings_and_color_decks(color: str, rgb: tuple[int, int, int]) -> None:
     output = make("light", scene(2), (0, 1), color=color).step(None, None)
     red, green, blue = rgb
     whole = (red * 256 + green) * 256 + blue
@@ -71,10 +56,6 @@ def test_the_agents_of_a_step_are_lit_once(tmp_path: Path) -> None:
 
 
 def test_a_color_that_is_unknown_is_located(tmp_path: Path) -> None:
-    path = tmp_path / "lights.yaml"
-    (tmp_path / "room.yaml").write_text(
-        "star: 1\nname: room\nfence: {low: [-2, -2, 0], high: [2, 2, 2]}\n"
-    )
-    path.write_text(MISSION.format(WORLD="room.yaml", COLOR="reed"))
-    with pytest.raises(InputError, match=r"lights\.yaml:11:20: .*reed.*expected '#rrggbb' or one"):
+    path = write_mission(tmp_path, "  - light: {color: reed}\n")
+    with pytest.raises(InputError, match=r"flight\.yaml:10:20: .*reed.*expected '#rrggbb' or one"):
         load(path, Registry())

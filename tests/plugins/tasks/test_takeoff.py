@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
 
 from star_core import AgentPhase, Order, Status
 from star_core.testing import scene
+from tests.plugins.tasks.conftest import fly, make
 
 GROUND = [[-0.5, 0.0, 0.0], [0.5, 0.0, 0.0]]
 
 
-def test_agents_climb_to_the_height_and_hold_there(make: Any, fly: Any) -> None:
+def test_agents_climb_to_the_height_and_hold_there() -> None:
     room = scene(2)
     flown = fly(make("takeoff", room, (0, 1)), room, GROUND, phase=AgentPhase.GROUNDED)
     assert flown.status is Status.SUCCESS
@@ -21,23 +20,21 @@ def test_agents_climb_to_the_height_and_hold_there(make: Any, fly: Any) -> None:
     assert flown.goals[-1].position.tolist() == [[-0.5, 0.0, 0.8], [0.5, 0.0, 0.8]]
 
 
-def test_the_commanders_receive_one_command_with_its_duration(make: Any, fly: Any) -> None:
+@pytest.mark.parametrize(
+    ("height", "speed", "seconds"), [(1.2, 0.4, 3.0), (0.3, 0.5, 1.0)], ids=["", "the shortest"]
+)
+def test_the_commanders_receive_one_command_with_its_duration(
+    height: float, speed: float, seconds: float
+) -> None:
     room = scene(2)
-    task = make("takeoff", room, (0, 1), height=1.2, speed=0.4)
+    task = make("takeoff", room, (0, 1), height=height, speed=speed)
     (command,) = fly(task, room, GROUND, phase=AgentPhase.GROUNDED).commands
     assert command.order is Order.TAKEOFF
-    assert command.position[:, 2].tolist() == [1.2, 1.2]
-    assert command.duration == pytest.approx([3.0, 3.0])
+    assert command.position[:, 2].tolist() == [height, height]
+    assert command.duration == pytest.approx([seconds, seconds])
 
 
-def test_the_shortest_climb_takes_a_second(make: Any, fly: Any) -> None:
-    room = scene(2)
-    task = make("takeoff", room, (0, 1), height=0.3, speed=0.5)
-    (command,) = fly(task, room, GROUND, phase=AgentPhase.GROUNDED).commands
-    assert command.duration.tolist() == [1.0, 1.0]
-
-
-def test_an_agent_that_is_in_the_air_already_is_named(make: Any, fly: Any) -> None:
+def test_an_agent_that_is_in_the_air_already_is_named() -> None:
     room = scene(2)
     flown = fly(make("takeoff", room, (0, 1)), room, GROUND, phase=AgentPhase.FLYING)
     assert flown.status is Status.FAILURE
@@ -45,7 +42,7 @@ def test_an_agent_that_is_in_the_air_already_is_named(make: Any, fly: Any) -> No
     assert flown.commands == []
 
 
-def test_it_waits_until_all_are_located(make: Any, fly: Any) -> None:
+def test_it_waits_until_all_are_located() -> None:
     room = scene(2)
     flown = fly(
         make("takeoff", room, (0, 1)),
@@ -59,7 +56,7 @@ def test_it_waits_until_all_are_located(make: Any, fly: Any) -> None:
     assert flown.goals[40] is not None
 
 
-def test_agents_that_end_far_from_the_height_did_not_take_off(make: Any, fly: Any) -> None:
+def test_agents_that_end_far_from_the_height_did_not_take_off() -> None:
     room = scene(1)
     task = make("takeoff", room, (0,))
     flown = fly(
@@ -73,18 +70,7 @@ def test_agents_that_end_far_from_the_height_did_not_take_off(make: Any, fly: An
     assert flown.status is Status.RUNNING
 
 
-def test_a_take_off_may_take_three_times_its_climb_and_5_s(make: Any, fly: Any) -> None:
+def test_a_take_off_may_take_three_times_its_climb_and_5_s() -> None:
     room = scene(2)
     task = make("takeoff", room, (0, 1), height=0.9)
     assert fly(task, room, GROUND, longest=0.0).limit == pytest.approx(3 * 3.0 + 5)
-
-
-@pytest.mark.parametrize("height", [0.1, 1.9])
-def test_a_height_outside_the_limits_is_a_problem(problems: Any, height: float) -> None:
-    assert problems("takeoff", scene(1), (0,), height=height) == [
-        (("height",), f"{height} m is outside the heights to fly at, from 0.2 to 1.8 m")
-    ]
-
-
-def test_a_height_within_the_limits_is_none(problems: Any) -> None:
-    assert problems("takeoff", scene(1), (0,)) == []

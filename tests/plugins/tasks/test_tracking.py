@@ -9,22 +9,13 @@ import numpy as np
 import pytest
 
 from star_core import Registry, Tick, fly, hookimpl, load
-from star_verbs.follow.files import PIECE_COLUMNS, read_trajectory
+from star_verbs.follow.files import read_trajectory
 from star_verbs.follow.tracking_error import tracking_error
 from star_yaml.check_file import check_file
+from tests.plugins.mission_files import write_mission
+from tests.plugins.tasks.trajectories import HEADER, rest_to_rest, row
 
-WORLD = "star: 1\nname: room\nfence: {low: [-3, -3, 0], high: [3, 3, 3]}\n"
 MISSION = """\
-star: 1
-name: fast
-world: room.yaml
-limits: {speed: 1.6, acceleration: 4.0}
-swarm: {cf1: {start: [0, 0, 0]}}
-transport: {use: sim, noise: false}
-localizer: flow
-planner: straight
-avoider: none
-mission:
   - takeoff: {height: 1.0}
   - hold: {for: 1.5}
   - follow: {file: path.csv, format: poly7}
@@ -34,13 +25,8 @@ mission:
 
 def zigzag() -> str:
     """Rest to rest by 0.8 m in 1.6 s, to and fro along x and then along y: 0.94 m/s, 1.8 m/s²."""
-    lines = [",".join(PIECE_COLUMNS)]
-    for axis, begin, way in ((0, 0.0, 0.8), (0, 0.8, -0.8), (1, 0.0, 0.8), (1, 0.8, -0.8)):
-        axes = np.zeros((4, 8))
-        axes[axis, 0] = begin
-        for power, factor in ((3, 10), (4, -15), (5, 6)):
-            axes[axis, power] = factor * way / 1.6**power
-        lines.append(",".join(map(repr, [1.6, *axes.ravel().tolist()])))
+    ways = [rest_to_rest(0.0, 0.8, 1.6), rest_to_rest(0.8, -0.8, 1.6)]
+    lines = [HEADER, *(row(1.6, way) for way in ways), *(row(1.6, y=way) for way in ways)]
     return "\n".join(lines) + "\n"
 
 
@@ -64,22 +50,26 @@ class Track:
         return float(np.sqrt(np.mean(np.square(self.error))))
 
 
-def written(folder: Path) -> Path:
-    for name, text in (("room", WORLD), ("mission", MISSION)):
-        (folder / f"{name}.yaml").write_text(text)
+def written(folder: Path, steps: str = MISSION) -> Path:
     (folder / "path.csv").write_text(zigzag())
-    return folder
+    return write_mission(
+        folder,
+        steps,
+        limits="{speed: 1.6, acceleration: 4.0}",
+        swarm="{cf1: {start: [0, 0, 0]}}",
+        transport="{use: sim, noise: false}",
+    )
 
 
 @pytest.fixture
-def folder(tmp_path: Path) -> Path:
+def mission(tmp_path: Path) -> Path:
     return written(tmp_path)
 
 
-def flown(folder: Path, *changes: str) -> Track:
+def flown(mission: Path, *changes: str) -> Track:
     track = Track()
     registry = Registry(track)
-    summary = fly(load(folder / "mission.yaml", registry, changes), registry)
+    summary = fly(load(mission, registry, changes), registry)
     assert summary["outcome"] == "completed", summary["reason"]
     return track
 
@@ -100,36 +90,33 @@ def flight(tmp_path_factory: pytest.TempPathFactory) -> Track:
     ],
 )
 def test_trajectories_are_flown_in_their_own_time(
-    folder: Path, flight: Track, changes: Sequence[str]
+    mission: Path, flight: Track, changes: Sequence[str]
 ) -> None:
-    track = flown(folder, *changes) if changes else flight
+    track = flown(mission, *changes) if changes else flight
     assert len(track.error) > 80
     assert track.rms < 0.06
     assert max(track.error) < 0.15
     assert np.mean(track.followed) > 0.9
 
 
-def test_the_expected_error_is_that_of_the_simulator(folder: Path, flight: Track) -> None:
-    path = read_trajectory(folder / "path.csv", "path.csv", "poly7")
+def test_the_expected_error_is_that_of_the_simulator(mission: Path, flight: Track) -> None:
+    path = read_trajectory(mission.with_name("path.csv"), "path.csv", "poly7")
     expected = tracking_error(path, 1.0, 0.05, on_board=False)
     assert expected.rms == pytest.approx(flight.rms, abs=0.015)
     assert expected.most == pytest.approx(max(flight.error), abs=0.04)
 
 
-def test_the_check_reports_the_error_to_expect(folder: Path) -> None:
-    text, warnings = check_file(folder / "mission.yaml", Registry())
+def test_the_check_reports_the_error_to_expect(mission: Path) -> None:
+    text, warnings = check_file(mission, Registry())
     expected = "can be flown, with 1 agent; path.csv followed within 0.03 m RMS, besides drift"
     assert text.endswith(expected)
     assert not warnings
 
 
-def test_the_check_warns_of_imprecise_trajectories(folder: Path) -> None:
-    registry = Registry()
-    assert load(folder / "mission.yaml", registry).warnings == ()
-    path = folder / "mission.yaml"
-    path.write_text(MISSION.replace("format: poly7}", "format: poly7, on_board: true}"))
-    (warning,) = load(path, registry).warnings
-    assert "mission.yaml:13:20: warning: path.csv: drones are expected to be 0.2" in warning
+def test_the_check_warns_of_imprecise_trajectories(tmp_path: Path) -> None:
+    path = written(tmp_path, MISSION.replace("format: poly7}", "format: poly7, on_board: true}"))
+    (warning,) = load(path, Registry()).warnings
+    assert "flight.yaml:13:20: warning: path.csv: drones are expected to be 0.2" in warning
     assert warning.endswith("[imprecise-trajectory]")
 
 

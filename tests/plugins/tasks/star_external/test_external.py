@@ -60,6 +60,17 @@ def goals(of: TaskOutput) -> Goals:
     return of.goals
 
 
+@pytest.fixture
+def client(connect: Connect) -> Any:
+    return connect()
+
+
+@pytest.fixture
+def task(external: Make, client: Any) -> External:  # noqa: ARG001 -- which is connected first
+    """Return a task without lock step, that has begun."""
+    return begun(external(lockstep=False))
+
+
 def test_the_client_is_greeted(external: Make, connect: Connect) -> None:
     client, task = connect(), begun(external(lockstep=False, rate=10))
     step(task)
@@ -79,8 +90,7 @@ def test_the_client_is_greeted(external: Make, connect: Connect) -> None:
     }
 
 
-def test_the_client_receives_the_state_of_its_agents(external: Make, connect: Connect) -> None:
-    client, task = connect(), begun(external(lockstep=False))
+def test_the_client_receives_the_state_of_its_agents(client: Any, task: External) -> None:
     step(task, 1.25)
     client.receive()
     agent = {"velocity": [0.0, 0.0, 0.0], "yaw": 0.0, "phase": "flying", "battery": 4.0}
@@ -93,8 +103,7 @@ def test_the_client_receives_the_state_of_its_agents(external: Make, connect: Co
     }
 
 
-def test_what_is_not_known_of_an_agent_is_null(external: Make, connect: Connect) -> None:
-    client, task = connect(), begun(external(lockstep=False))
+def test_what_is_not_known_of_an_agent_is_null(client: Any, task: External) -> None:
     lost = replace(at(0.0), valid=np.array([False, True, True]))
     task.step(lost, replace(health(3), battery=np.array([np.nan, 4.0, 4.0])))
     client.receive()
@@ -118,42 +127,34 @@ def test_agents_keep_what_they_do_until_they_are_given_goals(
     assert step(begun(external(lockstep=False))) == TaskOutput()
 
 
-def test_agents_are_sent_to_the_goals(external: Make, connect: Connect) -> None:
-    client, task = connect(), begun(external(lockstep=False))
+def test_agents_are_sent_to_the_goals(client: Any, task: External) -> None:
     goal = {"position": [0.5, 0.5, 1.0], "velocity": [0.1, 0, 0], "yaw": 1.0, "speed": 0.3}
     given = goals(flying(task, client, {"goals": {"cf2": goal}}))
     assert given.active.tolist() == [False, True, False]
     assert given.position[1].tolist() == [0.5, 0.5, 1.0]
     assert given.velocity[1].tolist() == [0.1, 0.0, 0.0]
     assert (given.yaw[1], given.speed[1]) == (1.0, 0.3)
-
-
-def test_a_goal_stays_until_there_is_another(external: Make, connect: Connect) -> None:
-    client, task = connect(), begun(external(lockstep=False))
     flying(task, client, SOMEWHERE)
-    kept = goals(step(task, 0.05))
+    kept = goals(step(task, 0.05))  # a goal stays until there is another
     assert kept.position[0].tolist() == [0.5, 0.5, 1.0]
     assert kept.speed[0] == 0.5  # the mission's limit
 
 
-def test_a_step_ends_when_the_client_is_done(external: Make, connect: Connect) -> None:
-    client, task = connect(), begun(external(lockstep=False))
+def test_a_step_ends_when_the_client_is_done(client: Any, task: External) -> None:
     assert flying(task, client, {"done": True}).status is Status.SUCCESS
     assert client.receive()["star"] == 1
     client.receive()
     assert client.receive() is None
 
 
-def test_a_step_fails_when_the_client_gives_up(external: Make, connect: Connect) -> None:
-    client, task = connect(), begun(external(lockstep=False))
+def test_a_step_fails_when_the_client_gives_up(client: Any, task: External) -> None:
     ended = flying(task, client, {"fail": "no way"})
     assert (ended.status, ended.reason) == (
         Status.FAILURE, "the other process gave up: no way",
     )  # fmt: skip
 
 
-def test_a_wrong_line_is_answered_and_changes_nothing(external: Make, connect: Connect) -> None:
-    client, task = connect(), begun(external(lockstep=False))
+def test_a_wrong_line_is_answered_and_changes_nothing(client: Any, task: External) -> None:
     both = {"goals": {"cf1": {"position": [0, 0, 1]}, "cf3": {"position": [0, 0, 1]}}}
     assert flying(task, client, both).goals is None
     client.receive()
@@ -184,8 +185,7 @@ def test_the_step_continues_and_answers_every_invalid_line(
     assert [line["line"] for line in received if "error" in line] == wrong
 
 
-def test_a_line_that_is_too_long_is_answered(external: Make, connect: Connect) -> None:
-    client, task = connect(), begun(external(lockstep=False))
+def test_a_line_that_is_too_long_is_answered(client: Any, task: External) -> None:
     step(task)
     client.receive()
     client.receive()
@@ -197,8 +197,7 @@ def test_a_line_that_is_too_long_is_answered(external: Make, connect: Connect) -
     assert {"error": "the line is longer than 65536 bytes", "line": 1} in lines
 
 
-def test_so_many_lines_are_heard_in_a_tick(external: Make, connect: Connect) -> None:
-    client, task = connect(), begun(external(lockstep=False))
+def test_so_many_lines_are_heard_in_a_tick(client: Any, task: External) -> None:
     lines = [{"goals": {"cf1": {"position": [i / 100, 0, 1]}}} for i in range(2 * MAX_LINES)]
     client.send(*lines)
     door_of(task).accept(SOON)
@@ -219,10 +218,7 @@ def test_waiting_for_a_client_is_logged_once(
     flying(task, client, SOMEWHERE)
 
 
-def test_rejected_lines_are_reported_once_per_kind_and_counted(
-    external: Make, connect: Connect
-) -> None:
-    client, task = connect(), begun(external(lockstep=False))
+def test_rejected_lines_are_reported_once_per_kind_and_counted(client: Any, task: External) -> None:
     flying(task, client, ALIVE)
     said: list[str] = []
     for i in range(10):
@@ -344,8 +340,7 @@ def test_on_hardware_nothing_waits(
     assert step(task) == TaskOutput()
 
 
-def test_goals_of_a_removed_agent_are_dropped_and_refused(external: Make, connect: Connect) -> None:
-    client, task = connect(), begun(external(lockstep=False))
+def test_goals_of_a_removed_agent_are_dropped_and_refused(client: Any, task: External) -> None:
     flying(task, client, SOMEWHERE)
     task.on_agents_removed((1,))
     assert step(task, 0.05).goals is None
@@ -357,8 +352,7 @@ def test_goals_of_a_removed_agent_are_dropped_and_refused(external: Make, connec
     )
 
 
-def test_a_replacement_inherits_the_goal(external: Make, connect: Connect) -> None:
-    client, task = connect(), begun(external(lockstep=False))
+def test_a_replacement_inherits_the_goal(client: Any, task: External) -> None:
     flying(task, client, SOMEWHERE)
     task.on_agent_replaced(0, 2)
     given = goals(step(task, 0.05))
@@ -366,17 +360,15 @@ def test_a_replacement_inherits_the_goal(external: Make, connect: Connect) -> No
     assert given.position[2].tolist() == [0.5, 0.5, 1.0]
 
 
-def test_an_agent_that_joins_can_be_given_goals(external: Make, connect: Connect) -> None:
-    client, task = connect(), begun(external(lockstep=False))
+def test_an_agent_that_joins_can_be_given_goals(client: Any, task: External) -> None:
     task.on_agents_added((0, 1, 2))
     given = goals(flying(task, client, {"goals": {"cf3": {"position": [0, 0, 1]}}}))
     assert given.active.tolist() == [False, False, True]
 
 
 def test_a_step_takes_the_port_over_from_one_that_was_ended(
-    external: Make, connect: Connect
+    client: Any, task: External, external: Make, connect: Connect
 ) -> None:
-    client, task = connect(), begun(external(lockstep=False))
     step(task)
     following = begun(external(lockstep=False))
     assert step(following) == TaskOutput()

@@ -19,39 +19,17 @@ import pytest
 from star_core import Estimate, Registry, Scene, fly, load
 from star_core.commands.main import main
 from star_external.planner import Answer, Done, Goal
+from tests.plugins.mission_files import write_mission
 from tests.plugins.tasks.star_external.conftest import Offering
 from tests.waiting import free_port
 
-FLIGHT = """\
-star: 1
-name: led
-world: room.yaml
-seed: 3
-swarm: {cf1: {start: [0, 0, 0]}, cf2: {start: [1, 0, 0]}}
-transport: sim
-localizer: flow
-planner: straight
-avoider: none
-mission:
+LED = """\
   - takeoff: {height: 0.5}
   - external: {port: PORT}
   - external: {port: PORT, until: {elapsed: 0.5}}
   - repeat: {times: 2, steps: [external: {port: PORT, agents: cf1, until: {elapsed: 0.5}}]}
 """
-PLANNED = """\
-star: 1
-name: planned
-world: room.yaml
-swarm: {cf1: {start: [0, 0, 0]}, cf2: {start: [1, 0, 0]}}
-transport: sim
-localizer: flow
-planner: straight
-avoider: none
-mission:
-  - takeoff: {height: 0.5}
-  - external: {planner: theirs}
-"""
-ROOM = "star: 1\nname: room\nfence: {low: [-9, -9, 0], high: [9, 9, 3]}\n"
+PLANNED = "  - takeoff: {height: 0.5}\n  - external: {planner: theirs}\n"
 STEPS = 4
 SOON = 30.0  # s
 
@@ -91,11 +69,10 @@ def lead(port: int, seed: int) -> None:
 def flown(folder: Path, seed: int) -> dict[str, Any]:
     folder.mkdir()
     port = free_port()
-    (folder / "room.yaml").write_text(ROOM)
-    (folder / "led.yaml").write_text(FLIGHT.replace("PORT", str(port)))
+    mission = write_mission(folder, LED.replace("PORT", str(port)), seed="3")
     leader = threading.Thread(target=lead, args=(port, seed))
     leader.start()
-    assert main(["run", str(folder / "led.yaml"), "--json", "--out", str(folder / "out")]) == 0
+    assert main(["run", str(mission), "--json", "--out", str(folder / "out")]) == 0
     leader.join(SOON)
     summary: dict[str, Any] = json.loads((folder / "out" / "summary.json").read_text())
     return summary
@@ -173,10 +150,9 @@ class Breaking(Rising):
 
 
 def planned(folder: Path, make: Callable[..., object]) -> dict[str, Any]:
-    (folder / "room.yaml").write_text(ROOM)
-    (folder / "planned.yaml").write_text(PLANNED)
+    mission = write_mission(folder, PLANNED)
     registry = Registry(Offering(make))
-    return fly(load(folder / "planned.yaml", registry), registry, folder=folder / "out")
+    return fly(load(mission, registry), registry, folder=folder / "out")
 
 
 def test_a_planner_in_this_process_leads_the_agents(tmp_path: Path) -> None:

@@ -95,8 +95,13 @@ def test_the_planner_is_asked_at_the_rate(
     assert planner.asked == [(time, (0, 1)) for time in times]
 
 
-def test_a_step_ends_when_the_planner_is_done(made: Any) -> None:
-    assert step(made(Scripted(Done()))) == TaskOutput(status=Status.SUCCESS)
+def test_a_step_ends_when_the_planner_is_done_and_opens_no_port(
+    made: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("socket.create_server", None)  # any call of it raises
+    task = made(Scripted(Done()))
+    assert step(task) == TaskOutput(status=Status.SUCCESS)
+    task.close()
 
 
 def test_a_step_fails_when_the_planner_gives_up_and_it_is_named(made: Any) -> None:
@@ -183,31 +188,18 @@ def test_a_planner_that_cannot_be_created_is_named(make: Callable[..., object], 
     assert str(raised.value).startswith(LABEL + why)
 
 
-def test_no_port_is_opened_for_a_planner(made: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("socket.create_server", None)  # any call of it raises
-    task = made(Scripted(Done()))
-    assert step(task).status is Status.SUCCESS
-    task.close()
-
-
-def test_a_planner_that_can_be_closed_is_closed(made: Any) -> None:
+def test_a_planner_is_closed_and_named_if_it_raises_then(made: Any) -> None:
     class Closes(Scripted):
         closed = 0
 
         def close(self) -> None:
             self.closed += 1
+            if self.closed > 1:
+                raise OSError("stuck")
 
     planner = Closes({})
     made(planner).close()
     assert planner.closed == 1
-
-
-def test_a_planner_that_raises_when_it_is_closed_is_named(made: Any) -> None:
-    class Sticks(Scripted):
-        def close(self) -> None:
-            raise OSError("stuck")
-
-    task = made(Sticks({}))
     with pytest.raises(PluginError) as raised:
-        task.close()
+        made(planner).close()
     assert str(raised.value).startswith(f"{LABEL}OSError: stuck (")

@@ -36,48 +36,46 @@ def gone(server: TcpServer) -> bool:
     return not server.connected
 
 
+@pytest.fixture
+def client(server: TcpServer, connect: Connect) -> Any:
+    """Return a client that the server has accepted."""
+    made = connect()
+    server.accept(SOON)
+    return made
+
+
 def test_no_client_is_connected_at_first(server: TcpServer) -> None:
     assert not server.accept(0.0)
     assert server.receive(9, 0.0) == []
 
 
-def test_lines_are_heard_with_their_numbers(server: TcpServer, connect: Connect) -> None:
-    client = connect()
-    server.accept(SOON)
+def test_lines_are_heard_with_their_numbers(server: TcpServer, client: Any) -> None:
     client.send(b"one\ntwo\r\n")
     assert heard(server, 2) == [Line(1, b"one"), Line(2, b"two\r")]
 
 
-def test_no_more_lines_are_heard_than_asked_for(server: TcpServer, connect: Connect) -> None:
-    client = connect()
-    server.accept(SOON)
+def test_no_more_lines_are_heard_than_asked_for(server: TcpServer, client: Any) -> None:
     client.send(b"1\n2\n3\n")
     assert server.receive(1, SOON) == [Line(1, b"1")]
     assert heard(server, 2) == [Line(2, b"2"), Line(3, b"3")]
 
 
-def test_half_a_line_waits_for_the_other_half(server: TcpServer, connect: Connect) -> None:
-    client = connect()
-    server.accept(SOON)
+def test_half_a_line_waits_for_the_other_half(server: TcpServer, client: Any) -> None:
     client.send(b"ha")
     assert server.receive(9, 0.1) == []
     client.send(b"lf\n")
     assert server.receive(9, SOON) == [Line(1, b"half")]
 
 
-def test_empty_lines_are_ignored(server: TcpServer, connect: Connect) -> None:
-    client = connect()
-    server.accept(SOON)
+def test_empty_lines_are_ignored(server: TcpServer, client: Any) -> None:
     client.send(b"\n  \r\nx\n")
     assert heard(server, 1) == [Line(3, b"x")]
 
 
 @pytest.mark.parametrize("length", [MAX_LINE + 1, 3 * MAX_LINE, 40 * MAX_LINE])
 def test_overlong_lines_are_reported_once_and_skipped(
-    server: TcpServer, connect: Connect, length: int
+    server: TcpServer, client: Any, length: int
 ) -> None:
-    client = connect()
-    server.accept(SOON)
     client.socket.settimeout(0.0)
     waiting = length * b"x" + b"\nnext\n"
     lines: list[Line] = []
@@ -90,9 +88,7 @@ def test_overlong_lines_are_reported_once_and_skipped(
     assert lines == [Line(1, None), Line(2, b"next")]
 
 
-def test_a_line_of_the_greatest_length_is_heard(server: TcpServer, connect: Connect) -> None:
-    client = connect()
-    server.accept(SOON)
+def test_a_line_of_the_greatest_length_is_heard(server: TcpServer, client: Any) -> None:
     client.send(MAX_LINE * b"x" + b"\n")
     assert heard(server, 1) == [Line(1, MAX_LINE * b"x")]
 
@@ -109,20 +105,16 @@ def test_a_second_client_is_sent_away(server: TcpServer, connect: Connect) -> No
 
 
 def test_a_client_that_goes_away_is_gone_without_its_half_line(
-    server: TcpServer, connect: Connect
+    server: TcpServer, client: Any
 ) -> None:
-    client = connect()
-    server.accept(SOON)
     client.send(b"half")
     client.close()
     assert gone(server)
 
 
 def test_the_last_lines_of_a_client_are_received_after_it_left(
-    server: TcpServer, connect: Connect
+    server: TcpServer, client: Any
 ) -> None:
-    client = connect()
-    server.accept(SOON)
     client.send(b"1\n2\n")
     client.close()
     assert server.receive(1, SOON) == [Line(1, b"1")]
@@ -151,9 +143,7 @@ def test_unread_output_is_bounded_and_never_awaited(server: TcpServer, connect: 
     assert not server.send(line, now=True)
 
 
-def test_nothing_is_sent_to_a_disconnected_client(server: TcpServer, connect: Connect) -> None:
-    client = connect()
-    server.accept(SOON)
+def test_nothing_is_sent_to_a_disconnected_client(server: TcpServer, client: Any) -> None:
     assert server.send(b"[1]\n")
     assert client.receive() == [1]
     client.close()

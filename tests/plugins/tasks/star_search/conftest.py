@@ -9,7 +9,6 @@ from dataclasses import field as made
 from typing import Any
 
 import numpy as np
-import pytest
 import shapely
 
 import star_search
@@ -49,7 +48,7 @@ PERIOD = 0.2  # s
 SPEC = Registry(star_search, installed=False).find("task", "search").offer
 
 
-def hall_of(
+def hall(
     agents: int = 2,
     *,
     half: float = 2.0,
@@ -158,7 +157,7 @@ class Scouts(PointMasses):
         self.send(replace(plan.setpoint, active=active))
 
 
-def search_it(
+def search(
     scene: Scene,
     *,
     rows: tuple[int, ...] | None = None,
@@ -166,40 +165,33 @@ def search_it(
     meddle: Callable[[float, Task, Scouts], None] = lambda _time, _task, _scouts: None,
     longest: float = 300.0,
     **options: Any,
-) -> Searched:
-    """Search until it is over, or for `longest` seconds; `meddle` comes before all of it."""
+) -> Any:
+    """Search until it is over, or for `longest` seconds; `meddle` comes before all of it.
+
+    Return what became of it, `Searched`.
+    """
     scouts = Scouts(scene, phase)
     filled = fill_defaults(options, SPEC.options)
     task: Any = SPEC.make(scene, rows or tuple(range(len(scene.agents))), **filled)
     meddle(0.0, task, scouts)
     estimated, healthy = scouts.now()
     limit = task.begin(estimated, healthy)
-    search = Searched(limit, space=task._space)
+    searched = Searched(limit, space=task._space)
     for tick in range(math.ceil(longest / scene.period)):
-        search.time = tick * scene.period
-        meddle(search.time, task, scouts)
+        searched.time = tick * scene.period
+        meddle(searched.time, task, scouts)
         estimated, healthy = scouts.now()
         step = task.step(estimated, healthy)
-        search.position.append(scouts.position.copy())
-        search.status, search.reason = step.status, step.reason
+        searched.position.append(scouts.position.copy())
+        searched.status, searched.reason = step.status, step.reason
         if step.goals is not None:
-            search.goal.append(np.where(step.goals.active[:, None], step.goals.position, np.nan))
+            searched.goal.append(np.where(step.goals.active[:, None], step.goals.position, np.nan))
         if step.status is not Status.RUNNING:
             break
         for command in step.commands:
-            search.commands.append((search.time, command))
+            searched.commands.append((searched.time, command))
             scouts.command(command)
         scouts.fly(estimated, step.goals or Goals.none(len(scene.agents)))
         scouts.wait((tick + 1) * scene.period)
-    search.phase, search.finder = scouts.phase, scouts.finder
-    return search
-
-
-@pytest.fixture
-def hall() -> Callable[..., Scene]:
-    return hall_of
-
-
-@pytest.fixture
-def search() -> Callable[..., Searched]:
-    return search_it
+    searched.phase, searched.finder = scouts.phase, scouts.finder
+    return searched

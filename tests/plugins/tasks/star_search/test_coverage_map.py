@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 import pytest
@@ -14,6 +13,7 @@ from hypothesis import strategies as st
 from star_core import Camera, Obstacle
 from star_search.area import MIN_IMAGES, FieldOfView, field_of_view
 from star_search.coverage_map import CoverageMap
+from tests.plugins.tasks.star_search.conftest import hall
 
 AREA = shapely.box(-2, -2, 2, 2)
 VIEW = field_of_view(Camera(), 0.8, 0.168, 0.05)
@@ -91,7 +91,7 @@ def test_cells_beside_others_share_a_side_with_them() -> None:
     ]  # fmt: skip
 
 
-def test_an_agent_that_turns_fast_sees_nothing(hall: Any) -> None:
+def test_an_agent_that_turns_fast_sees_nothing() -> None:
     from dataclasses import replace
 
     from star_core.testing import estimate
