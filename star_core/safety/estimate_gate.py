@@ -13,7 +13,7 @@ from star_core.messages.arrays import Array, Mask, every, freeze, frozen
 from star_core.messages.rotations import Transform
 from star_core.safety.agents_in_the_way import MAX_REPORT_AGE
 from star_core.safety.monitors import Report, Stage, TickState, Use
-from star_core.toolkit.jit import compiled
+from star_core.toolkit.jit import compiled, records
 from star_core.world.scene import Scene
 
 SPOILED_TIME: Final = 1.0  # s without an implausible report, after which reports are used again
@@ -98,7 +98,7 @@ class EstimateMonitor:
         self._names = scene.names
         self._localizer = localizer
         self._speed = max(SPEED_RATIO * scene.limits.speed, MIN_PLAUSIBLE_SPEED)
-        self._state = np.zeros(n, STATE)
+        self._state = records(n, STATE)
         for name in ("accepted_position", "above", "last_position", "last_velocity"):
             self._state[name] = np.nan
         self._state["spoiled_until"] = -np.inf

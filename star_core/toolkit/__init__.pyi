@@ -86,6 +86,7 @@ from star_core.toolkit.camera_model import square_poses as square_poses
 from star_core.toolkit.camera_model import upright_misfit as upright_misfit
 from star_core.toolkit.flow_text import flow as flow
 from star_core.toolkit.jit import compiled as compiled
+from star_core.toolkit.jit import records as records
 from star_core.toolkit.jit import subroutine as subroutine
 from star_core.toolkit.landing_time import min_landing_time as min_landing_time
 from star_core.toolkit.mosaic import gray_from_mosaic as gray_from_mosaic

@@ -13,7 +13,7 @@ from types import CodeType, FunctionType, ModuleType
 from typing import Any, Final, NamedTuple, TypeVar, cast
 
 import numpy as np
-from numba import njit, types
+from numba import config, njit, types
 from numba._dynfunc import make_function
 from numba.core.caching import FunctionCache
 from numba.core.codegen import JITCodeLibrary
@@ -27,6 +27,7 @@ from numba.core.typed_passes import NativeLowering
 from numba.core.types.functions import BaseFunction
 from numba.core.untyped_passes import DeadBranchPrune
 from numba.extending import typeof_impl
+from numpy.typing import NDArray
 
 from star_core.toolkit.compile_time import compiling
 from star_core.toolkit.progress import Progress
@@ -70,6 +71,16 @@ def subroutine(function: Function) -> Function:
         function: Takes numbers, arrays and tuples of them.
     """
     return cast("Function", _Subroutine(function))
+
+
+def records(count: int, fields: np.dtype[np.void]) -> NDArray[np.void]:
+    """Return (`count`,) records of zeros for kernels, in which fields are attributes of records.
+
+    So they are where kernels are interpreted (``NUMBA_DISABLE_JIT=1``), too.
+    """
+    table = np.zeros(count, fields)
+    interpreted: bool = config.DISABLE_JIT  # type: ignore[attr-defined]  # set when imported
+    return table.view(np.recarray) if interpreted else table
 
 
 class _Subroutine:

@@ -22,7 +22,7 @@ from star_core import (
     Telemetry,
     Transform,
 )
-from star_core.toolkit import SurfaceHeights, shortlist, wrap_angle, yaw_from_quaternion
+from star_core.toolkit import SurfaceHeights, records, shortlist, wrap_angle, yaw_from_quaternion
 from star_mocap.forwarding import Forwarding
 from star_mocap.identities import UNKNOWN, assign, gates
 from star_mocap.kernel import COLUMNS, FILTER, YAW, correct, move, positions_at
@@ -88,7 +88,7 @@ class Mocap:
         self._latency = Latency() if latency is None else Latency(latency, 0.0)
         self._markers = track == "markers"
         self._errors = std, math.radians(yaw_std_deg), correlation_time
-        self._filters = np.zeros(n, FILTER)
+        self._filters = records(n, FILTER)
         self._state, self._covariance = self._filters["state"], self._filters["covariance"]
         self._state[:, :3] = np.array([agent.start for agent in scene.agents])
         self._state[:, YAW] = [agent.yaw for agent in scene.agents]

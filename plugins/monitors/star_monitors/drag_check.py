@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 
 from star_core import Array, Mask, Telemetry
-from star_core.toolkit import compiled, frozen, subroutine
+from star_core.toolkit import compiled, frozen, records, subroutine
 
 DRAG: Final = 0.40
 """Deceleration by the air per speed, 1/s: 0.36 to 0.42 in 21 recorded flights of Crazyflies, whose
@@ -99,7 +99,7 @@ class DragCheck:
     """
 
     def __init__(self, n: int) -> None:
-        self._state = np.zeros(n, STATE)
+        self._state = records(n, STATE)
         self._state["time"] = self._state["measured"] = np.nan
         self.evidence, self.missing = self._state["evidence"], self._state["measured"]
         age, force, velocity, attitude = (

@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 
 from star_core import Array, Mask, Telemetry
-from star_core.toolkit import compiled, frozen, some
+from star_core.toolkit import compiled, frozen, records, some
 from star_monitors.drag_check import DRAG
 
 GRAVITY: Final = 9.81  # m/s²
@@ -87,7 +87,7 @@ class MotionCheck:
     """
 
     def __init__(self, n: int) -> None:
-        self._state = np.zeros(n, STATE)
+        self._state = records(n, STATE)
         for name in ("time", "velocity", "pull"):
             self._state[name] = np.nan
         age, motion, attitude = (frozen(np.zeros((0, *row))) for row in ((), (3,), (4,)))

@@ -21,6 +21,7 @@ from star_core.toolkit import (
     Use,
     compiled,
     frozen,
+    records,
     some,
 )
 
@@ -100,7 +101,7 @@ class SetpointMonitor:
     def __init__(self, scene: Scene) -> None:
         self._scene, n = scene, len(scene.agents)
         self._fence = np.array([scene.world.fence.low, scene.world.fence.high])
-        self._state = np.zeros(n, STATE)
+        self._state = records(n, STATE)
         self._state["before"] = self._state["start"] = np.nan
         none, nothing, nobody = np.zeros(0), np.zeros((0, 3)), np.zeros(0, np.bool_)
         now = Estimate(0, nothing, nothing, none, np.zeros((0, 3, 3)), nobody, Transform.none())

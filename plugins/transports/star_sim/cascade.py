@@ -12,7 +12,7 @@ from typing import Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from star_core.toolkit import subroutine
+from star_core.toolkit import records, subroutine
 from star_sim.airframe import CYCLE, GRAVITY
 from star_sim.drone import DEMAND, FREE, OFF, POSITION, TRAJECTORY, VELOCITY, Record
 from star_sim.position import wrap
@@ -72,7 +72,7 @@ MAX_YAW_LEAD: Final = 0.5  # rad
 
 def cascades(count: int, controller: int) -> Cascades:
     """Return the state of `count` controllers of drones that stand still, (N,) of `CASCADE`."""
-    table = np.zeros(count, CASCADE)
+    table = records(count, CASCADE)
     table["controller"] = controller
     table["height_integral_gain"] = HEIGHT_FORCE_INTEGRAL_GAIN
     return table

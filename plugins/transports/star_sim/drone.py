@@ -11,6 +11,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from star_core.toolkit import records
 from star_sim import airframe, discharge
 
 # What flies a drone: nothing, its commander, velocity setpoints, or a setpoint of `star_fleet`.
@@ -120,7 +121,7 @@ def standing(position: NDArray[np.float64], yaw: NDArray[np.float64], charge: fl
     Returns:
         (N,) records of `DRONE`.
     """
-    drones = np.zeros(len(position), DRONE)
+    drones = records(len(position), DRONE)
     for name in ("position", "seen_position", "origin"):
         drones[name] = position
     drones["attitude"][:, 2] = np.sin(yaw / 2)

@@ -196,6 +196,25 @@ def test_first_flights_report_compilation_and_equal_later_ones(
     assert first == later
 
 
+@pytest.mark.extended
+@pytest.mark.usefixtures("hop")
+def test_a_flight_by_interpreted_kernels_is_the_same() -> None:
+    star = str(Path(sys.executable).with_name("star"))
+
+    def fly(**environment: str) -> dict[str, Any]:
+        done = subprocess.run(
+            [star, "run", "hop.yaml", "--no-record", "--json"],
+            env=os.environ | environment,
+            capture_output=True,
+            check=True,
+            text=True,
+        )
+        summary: dict[str, Any] = json.loads(done.stdout)
+        return {key: summary[key] for key in ("steps", "min_separation_m", "position_rmse_m")}
+
+    assert fly(NUMBA_DISABLE_JIT="1") == fly()
+
+
 def test_a_division_by_zero_is_infinite() -> None:
     @compiled
     def over(x: float, y: float) -> float:
