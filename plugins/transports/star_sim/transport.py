@@ -352,8 +352,9 @@ class Simulator:
         return setpoint
 
     def truth(self) -> Truth | None:
-        drones = self.drones
-        return Truth(self._step * STEP, drones["position"], drones["velocity"], drones["attitude"])
+        columns = [self.drones[name].copy() for name in ("position", "velocity", "attitude")]
+        freeze(*columns)
+        return Truth(self._step * STEP, *columns)
 
     def close(self) -> None:
         """Nothing to release."""
@@ -420,7 +421,9 @@ class Simulator:
         else:
             agent = np.tile(np.arange(len(self.drones)), len(samples))
             arrived = np.array(samples).reshape(-1, SAMPLE)
-        return Odometry(agent, arrived[:, 0], arrived[:, 1:4], *arrived[:, 4:8].T)
+        columns = [*map(np.array, (agent, arrived[:, 0], arrived[:, 1:4], *arrived[:, 4:8].T))]
+        freeze(*columns)
+        return Odometry(*columns)
 
 
 class Pace:
