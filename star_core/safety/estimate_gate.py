@@ -117,8 +117,8 @@ class EstimateMonitor:
         """
         estimate, telemetry = state.estimate, state.telemetry
         if estimate.map_from_odom is not self._known_frames:
-            if not every(known := estimate.map_from_odom.known):
-                frames = estimate.map_from_odom.where(known, self._known_frames)
+            if not every(finite := estimate.map_from_odom.known):
+                frames = estimate.map_from_odom.where(finite, self._known_frames)
                 estimate = replace(estimate, map_from_odom=frames)
             self._known_frames = estimate.map_from_odom
         heard = telemetry.age <= MAX_REPORT_AGE

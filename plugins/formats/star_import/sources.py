@@ -79,8 +79,8 @@ class Sources:
     def paths(self) -> list[Path]:
         """The files that are known, each once, that with content to fly first."""
         single = [getattr(self, sort) for sort in ("mission", "environment", *SINGLE)]
-        known = map(path_of, filter(None, [*single, *self.calibrations]))
-        return list(dict.fromkeys([*known, *self.trajectories]))
+        files = map(path_of, filter(None, [*single, *self.calibrations]))
+        return list(dict.fromkeys([*files, *self.trajectories]))
 
 
 def path_of(file: Value) -> Path:

@@ -105,8 +105,10 @@ class DragCheck:
         age, force, velocity, attitude = (
             frozen(np.zeros((0, *row))) for row in ((), (2,), (3,), (4,))
         )
-        nobody = np.zeros(0, np.bool_)
-        follow_drag(0.0, age, force, velocity, attitude, nobody, nobody, self._state)  # compiled
+        no_agent = np.zeros(0, np.bool_)
+        follow_drag(
+            0.0, age, force, velocity, attitude, no_agent, no_agent, self._state
+        )  # compiled
 
     def check(self, telemetry: Telemetry, airborne: Mask, contradicted: Mask | None = None) -> Mask:
         """Return the agents that fly faster than they report: (N,).

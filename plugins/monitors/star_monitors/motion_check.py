@@ -91,8 +91,8 @@ class MotionCheck:
         for name in ("time", "velocity", "pull"):
             self._state[name] = np.nan
         age, motion, attitude = (frozen(np.zeros((0, *row))) for row in ((), (3,), (4,)))
-        nobody = np.zeros(0, np.bool_)
-        compare(0.0, age, motion, motion, attitude, nobody, self._state)  # compiled before flight
+        no_agent = np.zeros(0, np.bool_)
+        compare(0.0, age, motion, motion, attitude, no_agent, self._state)  # compiled before flight
 
     def check(self, telemetry: Telemetry, airborne: Mask) -> Mask:
         """Return the agents that fly otherwise than they report: (N,).

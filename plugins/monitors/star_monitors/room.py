@@ -88,9 +88,9 @@ class Room:
         self._braking = 2 * LAG * limits.speed  # m, in which two agents that meet stop, at most
         self._fence = np.array([scene.world.fence.low[:2], scene.world.fence.high[:2]], float)
         self._walls = walls(scene.world.obstacles)
-        none, nothing, nobody = np.zeros(0), np.zeros((0, 3)), np.zeros(0, np.bool_)
-        now = Estimate(0, nothing, nothing, none, np.zeros((0, 3, 3)), nobody, Transform.none())
-        self.measure(now, none, nobody, nobody, 1.0)  # compiled before the flight
+        none, nothing, no_agent = np.zeros(0), np.zeros((0, 3)), np.zeros(0, np.bool_)
+        now = Estimate(0, nothing, nothing, none, np.zeros((0, 3, 3)), no_agent, Transform.none())
+        self.measure(now, none, no_agent, no_agent, 1.0)  # compiled before the flight
 
     def measure(
         self, estimate: Estimate, std: Array, steered: Mask, airborne: Mask, min_use: float

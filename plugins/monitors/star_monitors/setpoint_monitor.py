@@ -103,8 +103,8 @@ class SetpointMonitor:
         self._fence = np.array([scene.world.fence.low, scene.world.fence.high])
         self._state = records(n, STATE)
         self._state["before"] = self._state["start"] = np.nan
-        none, nothing, nobody = np.zeros(0), np.zeros((0, 3)), np.zeros(0, np.bool_)
-        now = Estimate(0, nothing, nothing, none, np.zeros((0, 3, 3)), nobody, Transform.none())
+        none, nothing, no_agent = np.zeros(0), np.zeros((0, 3)), np.zeros(0, np.bool_)
+        now = Estimate(0, nothing, nothing, none, np.zeros((0, 3, 3)), no_agent, Transform.none())
         self._follow(now, Goals.none(), Setpoint.none(), Setpoint.none())  # compiled before flight
 
     def check(self, state: TickState) -> Iterator[Use | Strike]:
