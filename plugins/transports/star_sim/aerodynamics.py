@@ -45,7 +45,7 @@ _KEY_REACH = RADIUS * math.hypot(*SWEEP[:2]) + DEPTH * SWEEP[2]  # m along SWEEP
 X, Y, Z, THRUST, KEY, LOAD = range(6)
 COLUMNS = 6  # of the table of `wash`
 
-_STREAM = 7337
+_STREAM = 7339
 
 
 class Wind:

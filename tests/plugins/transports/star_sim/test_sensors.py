@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+import re
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+import star_sim
 from star_core import Array
 from star_core.toolkit import compiled
 from star_sim import sensors
@@ -78,3 +81,15 @@ def test_slowly_changing_errors_are_those_of_a_linear_filter(keep: float | Array
     for k, share in enumerate(np.broadcast_to(keep, 3)):
         expected, _ = lfilter([1.0], [1.0, -share], drive[:, k], zi=[share * last[k]])
         assert np.array_equal(states[:, k], expected)
+
+
+def test_no_two_sources_of_errors_share_a_random_stream() -> None:
+    lines = [
+        line
+        for file in Path(star_sim.__file__).parent.rglob("*.py")
+        for line in file.read_text(encoding="utf-8").splitlines()
+        if re.match(r"\w*_STREAM\b.* = ", line)
+    ]
+    numbers = [number for line in lines for number in re.findall(r"\b\d\w+", line.split("#")[0])]
+    assert len(numbers) > len(lines)  # some lines have several
+    assert len({*numbers}) == len(numbers)
