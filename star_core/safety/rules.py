@@ -42,23 +42,23 @@ class Rules:
         self.action = np.zeros(n, np.int64)
 
     def check(self, state: TickState) -> Sequence[Exclude]:
-        """Return the agents that violate a rule from now on."""
+        """Return the agents that violate a rule; `record` keeps those that do from now on."""
         return self.violators(state.telemetry.time, state.estimate, state.health)
 
     def violators(self, time: float, estimate: Estimate, health: Health) -> list[Exclude]:
-        """Return the agents that violate a rule from a mission time on, s."""
-        new: list[Exclude] = []
+        """Return the agents that violate a rule at a mission time, s."""
+        excluded: list[Exclude] = []
         for name, rule in self._rules.items():
             violated, duration, reason = self._violations(name, rule, estimate, health)
             since = np.where(violated, np.fmin(self._since[name], time), np.nan)
             self._since[name] = since
             fires = violated & (time - since >= duration)
             action = SafetyAction[rule["then"].upper()]
-            new += [
+            excluded += [
                 Exclude(row, action, f"{name}: {reason(row)}")
-                for row in np.flatnonzero(fires & (self.action < action)).tolist()
+                for row in np.flatnonzero(fires).tolist()
             ]
-        return new
+        return excluded
 
     def record(self, finding: Exclude) -> bool:
         """Note the action of a finding; return whether it replaces a milder one."""
