@@ -53,12 +53,14 @@ class Fence:
     def distance(self, point: Point) -> float:
         """Return the distance of `point` (map frame, m) outside the fence, m; 0 inside.
 
+        It is NaN where a coordinate is.
+
         >>> Fence((-1, -1, 0), (1, 1, 2)).distance((4.0, 0.0, 6.0))
         5.0
         """
         return math.hypot(
             *(
-                max(low - value, value - high, 0.0)
+                max(low - value, value - high, 0.0)  # NaN comes first, and stays
                 for low, value, high in zip(self.low, point, self.high, strict=True)
             )
         )

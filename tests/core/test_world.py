@@ -71,6 +71,14 @@ def test_a_point_beyond_a_side_of_the_fence_is_outside(point: Point) -> None:
     assert not ROOM.contains(point)
 
 
+@pytest.mark.parametrize("axis", range(3))
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+def test_a_point_that_is_not_finite_is_outside_the_fence(axis: int, value: float) -> None:
+    point = [0.0, 0.0, 1.0]
+    point[axis] = value
+    assert not ROOM.contains((point[0], point[1], point[2]))
+
+
 # Obstacles
 
 
