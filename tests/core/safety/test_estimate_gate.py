@@ -113,6 +113,7 @@ def test_a_rejected_row_stays_where_it_was_at_rest() -> None:
     assert answer.velocity.tolist() == [[0.0, 0.0, 0.0]]
     assert not answer.valid.any()
     most = MIN_PLAUSIBLE_SPEED * PERIOD + UNCORRECTED_MARGIN
+    assert gate._state["jump"][0] == pytest.approx((49.7, PERIOD, most))
     assert text == (
         "cf1 brakes: its estimated position moved 49.70 m in 0.05 s, expected at most "
         f"{most:.2f} m from localizer 'seer'"
