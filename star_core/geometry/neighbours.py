@@ -12,7 +12,7 @@ from star_core.messages.arrays import Array, Mask, Rows, every
 from star_core.toolkit.jit import compiled
 
 MANY = 64
-"""Agents from which on neighbours are found in the order of x; below, among all pairs."""
+"""Agents from which on they are sorted along the longer side; below, all pairs are compared."""
 
 ROUNDING = 1e-9  # m, of a sum of coordinates
 
@@ -49,6 +49,10 @@ class Pairs:
         n = len(position)
         if n < MANY:
             return cls(*_nearer(position.copy(), np.arange(n), np.full(n, n), float(reach)))
+        axes = position.T.copy()
+        sides = np.fmax.reduce(axes, axis=1) - np.fmin.reduce(axes, axis=1)  # without NaN
+        if sides[1] > sides[0]:
+            position = position[:, [1, 0, 2]].copy()
         order = np.argsort(position[:, 0])
         x = position[order, 0]
         ends = np.searchsorted(x, x + reach + ROUNDING)
@@ -70,7 +74,7 @@ def _nearer(position: Array, order: Rows, ends: Rows, reach: float) -> tuple[Row
     """Return the rows of those nearer than `reach`, m, the smaller row first, and their distances.
 
     Args:
-        position: (N, 3) m.
+        position: (N, 3) m, in any order of the axes.
         order: (N,) their rows in the swarm.
         ends: (N,) end of the positions that are compared with each of them, which follow it.
         reach: m.
