@@ -88,16 +88,16 @@ def follows_surfaces(mission: Mission, registry: Registry) -> bool:
     return offer.heights_above_surface is None or offer.heights_above_surface(**used.options)
 
 
-_rehearsals: Final[WeakKeyDictionary[Mission, tuple[Registry, Rehearsal]]] = WeakKeyDictionary()
+_rehearsals: Final = WeakKeyDictionary["Registry", WeakKeyDictionary["Mission", "Rehearsal"]]()
 
 
 @hookimpl
 def star_rehearse(mission: Mission, registry: Registry) -> Rehearsal:
     """Rehearse a mission once while it exists: it is checked, and its duration is shown."""
-    used, rehearsal = _rehearsals.get(mission, (None, None))
-    if rehearsal is None or used is not registry:
+    rehearsals = _rehearsals.setdefault(registry, WeakKeyDictionary())
+    rehearsal = rehearsals.get(mission)
+    if rehearsal is None:
         from star_explain.rehearse import rehearse
 
-        rehearsal = rehearse(mission, registry)
-        _rehearsals[mission] = registry, rehearsal
+        rehearsal = rehearsals[mission] = rehearse(mission, registry)
     return rehearsal

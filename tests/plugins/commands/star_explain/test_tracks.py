@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import gc
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
+from weakref import ref
 
 import numpy as np
 import pytest
 
 from star_core import AgentPhase, Registry, load
+from star_core.discovery import Source
 from tests.plugins.commands.star_explain.conftest import Rehearse
 
 MISSION = """\
@@ -54,6 +58,17 @@ def test_a_mission_that_is_checked_is_rehearsed_once(missions: Path) -> None:
     ]
     assert rehearsals[0] is rehearsals[1] is not rehearsals[2]
     assert not rehearsals[0].position.flags.writeable  # what one plugin receives, others do too
+
+
+def test_a_rehearsal_keeps_neither_mission_nor_plugins(missions: Path) -> None:
+    registry = Registry()
+    mission = load(missions / "hello.yaml", registry)
+    registry.add(SimpleNamespace(mission=mission), Source("a:observer"))
+    registry.manager.hook.star_rehearse(mission=mission, registry=registry)
+    kept = ref(mission), ref(registry)
+    del mission, registry
+    gc.collect()
+    assert [kept[0](), kept[1]()] == [None, None]
 
 
 def test_repeated_steps_are_rehearsed_as_often(rehearsed: Rehearse) -> None:
