@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from star_core import InputError, Registry, load
+from star_core.formats import Value
 from star_core.toolkit import actions
 from star_import.beacons import Beacon, beacons, system
 from star_import.calibration import Calibration, calibration
@@ -18,7 +19,7 @@ from star_import.import_log import ImportLog, show
 from star_import.mission_text import Frame, mission_lines, nearest_starts, reaction
 from star_import.motion_capture import capture
 from star_import.obstacles import Wall, has_inside, walls
-from star_import.output_files import OutputFiles, Room, around, corners
+from star_import.output_files import TOP, OutputFiles, Room, around, corners
 from star_import.records import Record, records
 from star_import.robots import Robot, command_line_agents, positioning, robots
 from star_import.sources import Sources, misspelled, path_of
@@ -29,9 +30,11 @@ from star_import.trajectories import Trajectories
 
 CRUISE: Final = 0.5  # m/s, for trajectories: default speed limit of STAR's missions
 LOW: Final = 0.2  # m, the lowest for trajectories, whose z often descends below the take-off height
+FENCE: Final = "fence"  # location of the remark about it
 MARGIN: Final = 1.0  # m, of the fence around all positions in the files
-FARTHEST: Final = 1000.0  # m, of a position along an axis
 WIDE: Final = 3.0  # m, the same around agents that fly trajectories, of unknown extent
+FARTHEST: Final = 1000.0 - WIDE  # m, of a position along an axis: a fence reaches to 1000
+ABOVE: Final = 0.2  # m, of the fence above the greatest height and the foot of each obstacle
 CLEARANCE: Final = 0.2  # m, of planner `visibility`: nearer to it an obstacle is virtual
 
 
@@ -110,7 +113,9 @@ def assemble(
     if received and not points:
         fence = options.fence or _between(received, log)
     else:
-        fence = options.fence or around(points or [(0.0, 0.0)], WIDE if flown.agents else MARGIN)
+        margin = WIDE if flown.agents else MARGIN
+        top = max(TOP, numbers.heights[1] + ABOVE, *(wall.height[0] + ABOVE for wall in built))
+        fence = options.fence or around(points or [(0.0, 0.0)], margin, top)
     name = _named(options.name or sources.paths[0].stem)
     room_name = f"{name}-room" if swarm else name
     world = _named(path_of(sources.environment).stem if sources.environment else room_name)
@@ -147,6 +152,7 @@ def assemble(
         capture=measured,
         onboard="" if measured else system(received, log),
         reactions=_reactions(printed if commands else [], numbers, speed),
+        numbers=_section(sources.config) if sources.config else "",
     )
     _log_choices(frame, sources, swarm, options, fence, log)
     steps: list[Line] = []
@@ -158,6 +164,11 @@ def assemble(
         steps += options.trajectories.steps(flown, sources, log)
     output = replace(output, steps=mission_lines(frame, swarm, steps, log))
     return replace(output, virtual=output.virtual | _too_near(output, options, registry, log))
+
+
+def log_fence(fence: Room, log: ImportLog) -> None:
+    """Log the fence that is in no file."""
+    log.assumed(FENCE, f"from {show(fence.low)} to {show(fence.high)} m, around everything")
 
 
 def _crowded(swarm: Sequence[Robot], commands: Sequence[Record], numbers: Config) -> bool:
@@ -312,6 +323,7 @@ def _swarm(sources: Sources, options: ImportOptions, log: ImportLog) -> list[Rob
             f"{first}: has no positions of agents; give crazyflies.yaml too, or "
             f"{log.new_agent.format('NAME')} for each"
         )
+        log.problems += [": ".join(near) for path in sources.others if (near := _misspelled(path))]
     return agents
 
 
@@ -339,12 +351,19 @@ def _log_sources(sources: Sources, log: ImportLog) -> None:
         why = "is an option of another detector"
         log.ignore_keys(sources.tags, {"family", "size"}, why=why)
     for path in sources.others:
-        if near := misspelled(path):
-            line, key, meant = near
-            text = f"is not imported: unknown key {key!r}; did you mean {meant!r}?"
-            log.changed(f"{path}:{line}:1", text)
+        if near := _misspelled(path):
+            log.changed(*near)
             continue
         log.ignored(str(path.parent), "no files of the original STAR or Crazyswarm2", path.name)
+
+
+def _misspelled(path: Path) -> tuple[str, str] | None:
+    """Return where a file of no known kind has a key similar to that of one, and a message."""
+    if (near := misspelled(path)) is None:
+        return None
+    line, key, meant = near
+    text = f"is not imported: unknown key {key!r}; did you mean {meant!r}?"
+    return f"{path}:{line}:1", text
 
 
 def _log_choices(
@@ -357,7 +376,7 @@ def _log_choices(
 ) -> None:
     """Log numbers that are in no file, and differences that apply to every import."""
     if options.fence is None:
-        log.assumed("fence", f"from {show(fence.low)} to {show(fence.high)} m, around everything")
+        log_fence(fence, log)
     low, high = frame.height
     if not sources.config:
         log.assumed(
@@ -417,6 +436,11 @@ def _edge(sources: Sources, log: ImportLog) -> float:
                 return edge
             raise size.wrong(f"{edge:g}, expected a number more than 0")
     return EDGE
+
+
+def _section(numbers: Value) -> str:
+    """Return the location of a configuration's numbers of flights."""
+    return numbers.map().get("trajectory_parameters", numbers).begins_at
 
 
 def _named(text: str) -> str:

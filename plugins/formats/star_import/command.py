@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 from star_core import InputError, Registry, load
 from star_core.toolkit import suggestion, terminal_width
-from star_import.assembly import ImportOptions, assemble
+from star_import.assembly import FENCE, ImportOptions, assemble, log_fence
 from star_import.import_log import ImportLog, as_json, table
-from star_import.output_files import OutputFiles, Room, write
+from star_import.output_files import OutputFiles, Room, around_all, write
 from star_import.selection import Choice, selected
 from star_import.sources import Sources
 from star_import.tags import EDGE
@@ -72,24 +72,29 @@ def _imported(
     log: ImportLog,
     registry: Registry,
 ) -> Iterator[OutputFiles]:
-    """Yield the files of every mission that can be imported; an obstacle is virtual in all or none.
+    """Yield the files of every mission that can be imported.
+
+    They have one world: an obstacle is virtual in all or none, and the fence is around all.
 
     Raises:
         InputError: None can be; lists every reason.
     """
-    good, problems = list[Sources](), list[str]()
+    good, problems = dict[str | None, Sources](), list[str]()
+    rooms = list[Room]()
     virtual, obstacles = set(options.virtual), set[str]()
     for sources in missions:
         own = ImportLog()
         try:
             output = assemble(sources, options, own, registry)
+            _require_new(output.mission, good, sources)
             with output.staged(folder) as staged:
                 load(staged, registry)
         except InputError as error:
             problems += error.problems
             log.refuse(error)
             continue
-        good.append(sources)
+        good[output.mission] = sources
+        rooms.append(output.room)
         virtual |= output.virtual
         obstacles |= {wall.name for wall in output.walls}
         log.notes += own.notes
@@ -100,8 +105,21 @@ def _imported(
             listed = suggestion(name, sorted(obstacles), "obstacles")
             text = f"{flag} {name}: no obstacle has this name{listed}"
             raise InputError(text, "unknown-obstacle")
-    for sources in good:
-        yield assemble(sources, replace(options, virtual=virtual), ImportLog(), registry)
+    fence = around_all(rooms)
+    notes = [note for note in log.notes if note.location != FENCE]
+    if len(notes) < len(log.notes):
+        log.notes = notes
+        log_fence(fence, log)
+    for sources in good.values():
+        every = replace(options, virtual=virtual, fence=fence)
+        yield assemble(sources, every, ImportLog(), registry)
+
+
+def _require_new(name: str | None, others: Collection[str | None], sources: Sources) -> None:
+    """Raise `InputError` if another mission is written to the file of a name."""
+    if name in others:
+        text = f"another mission is written to {name} too; rename one"
+        raise InputError(f"{sources.paths[0]}: {text}", "duplicate-name")
 
 
 def configure(line: argparse.ArgumentParser) -> None:

@@ -105,6 +105,8 @@ def _heights(value: Value) -> tuple[float, float]:
         low, high = value.numbers()
     except ValueError:
         raise value.wrong("expected two heights, m") from None
+    if low >= high:
+        raise value.wrong(f"lowest {low:g} is not below highest {high:g}", "empty-range")
     return low, high
 
 

@@ -7,6 +7,7 @@ import re
 from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from difflib import get_close_matches
 from enum import StrEnum
 from textwrap import fill
 from typing import Any, Final
@@ -16,6 +17,7 @@ from star_core.formats import Value, code_of
 from star_core.toolkit import shortlist
 
 NOT_SUPPORTED: Final = "is not supported"  # why a key of Crazyswarm2 is ignored
+SIMILAR: Final = 0.8  # of a key to that which is probably meant, by `difflib`
 WIDEST: Final = 48  # characters of a location, above which the message begins a line of its own
 LOCATED: Final = re.compile(r"(.+?):(\d+):(\d+)")
 
@@ -103,9 +105,18 @@ class ImportLog:
         of: str = "",
         why: str = "is not read by the original",
     ) -> None:
-        """Log the keys of a map that are not `read`; `of` precedes them in the messages."""
+        """Log the keys of a map that are not `read`; `of` precedes them in the messages.
+
+        One that is similar to a key that is read and absent is misspelled.
+        """
+        absent = [key for key in read if key not in entry.map()]
         for key, value in entry.map().items():
-            if key not in read:
+            if key in read:
+                continue
+            if close := get_close_matches(key, absent, n=1, cutoff=SIMILAR):
+                text = f"has no effect: unknown key; did you mean {close[0]!r}?"
+                self.changed(value.begins_at, text, f"{of}{key}")
+            else:
                 self.ignored(value.begins_at, why, f"{of}{key}")
 
     @contextmanager

@@ -39,6 +39,7 @@ class Frame:
         capture: The motion-capture system that localizes the swarm, if one does.
         onboard: The positioning system whose receivers are on board, if there is one.
         reactions: Lines under ``on:``.
+        numbers: Source location of the numbers of flights; empty if they are in no file.
     """
 
     name: str
@@ -57,6 +58,7 @@ class Frame:
     capture: Capture | None = None
     onboard: str = ""
     reactions: Sequence[Line] = field(default_factory=list)
+    numbers: str = ""
 
 
 def mission_lines(
@@ -75,14 +77,14 @@ def mission_lines(
         Line("star: 1"),
         Line(f"name: {word(frame.name)}"),
         Line(f"world: {word(frame.world)}"),
-        Line(f"limits: {{{limits}}}"),
+        Line(f"limits: {{{limits}}}", frame.numbers),
         *cameras,
         Line("swarm:"),
         *(_agent(robot, _camera_of(robot, frame) if carried else "") for robot in robots),
         *_transport(frame, robots, log),
         *_localizer(frame),
-        Line(f"planner: {frame.planner}"),
-        Line(f"avoider: {{use: orca, radius: {show(_radius(frame, robots, log))}}}"),
+        Line(f"planner: {frame.planner}", frame.numbers),
+        Line(f"avoider: {{use: orca, radius: {show(_radius(frame, robots, log))}}}", frame.numbers),
         *([Line("on:"), *frame.reactions] if frame.reactions else []),
         Line("mission:"),
         *steps,

@@ -159,7 +159,7 @@ def write(outputs: Sequence[OutputFiles], folder: Path, *, force: bool) -> list[
 
 
 Point = tuple[float, float, float]
-TOP = 2.2  # m, default top of the fence: slightly above the original's greatest height of 2 m
+TOP = 2.2  # m, lowest top of the fence: slightly above the original's greatest height of 2 m
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,12 +170,19 @@ class Room:
     high: Point
 
 
-def around(points: Iterable[Sequence[float]], margin: float) -> Room:
+def around(points: Iterable[Sequence[float]], margin: float, top: float = TOP) -> Room:
     """Return a room with a `margin` around points in the plane, m, rounded to 0.1 m."""
     xs, ys = zip(*((p[0], p[1]) for p in points), strict=True)
     west, south = (math.floor((min(values) - margin) * 10) / 10 for values in (xs, ys))
     east, north = (math.ceil((max(values) + margin) * 10) / 10 for values in (xs, ys))
-    return Room((west, south, 0.0), (east, north, TOP))
+    return Room((west, south, 0.0), (east, north, math.ceil(round(top * 10, 6)) / 10))
+
+
+def around_all(rooms: Sequence[Room]) -> Room:
+    """Return the smallest room that holds some rooms."""
+    x, y, z = (min(values) for values in zip(*(room.low for room in rooms), strict=True))
+    x2, y2, z2 = (max(values) for values in zip(*(room.high for room in rooms), strict=True))
+    return Room((x, y, z), (x2, y2, z2))
 
 
 def corners(walls: Iterable[Wall], sheets: Iterable[Sheet]) -> list[tuple[float, float]]:

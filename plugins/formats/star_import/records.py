@@ -10,6 +10,7 @@ from typing import Final
 from star_core.formats import Value
 from star_core.toolkit import shortlist
 from star_import.import_log import ImportLog
+from star_import.robots import NAME
 
 FIELDS: Final = ("task", "wait or conc", "agents", "argument", "pose")
 TASKS: Final = ("takeoff", "hold", "goto", "goto_velocity", "external", "land")
@@ -137,6 +138,10 @@ def _agents(value: Value, written: str, agents: Sequence[str], log: ImportLog) -
         else:
             names.append(word)
     if missing := [name for name in dict.fromkeys(names) if name not in agents]:
+        if not NAME.fullmatch(missing[0]):
+            expected = "expected 'all' alone, or names separated by spaces"
+            text = f"{missing[0]!r} is not an agent's name, {expected}"
+            raise value.wrong(text)
         among = f" among {shortlist(agents)}" if agents else ""
         raise value.wrong(
             f"no agent named {missing[0]!r}{among}; add its position: "

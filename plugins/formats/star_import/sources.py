@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+from codecs import BOM_UTF8
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from difflib import get_close_matches
@@ -12,6 +13,7 @@ from typing import Final
 
 from star_core import InputError, Registry
 from star_core.formats import Value, format_function
+from star_import.import_log import SIMILAR
 
 SORTS: Final[Mapping[str, frozenset[str]]] = {
     "mission": frozenset({"command_sequence"}),
@@ -31,8 +33,7 @@ SINGLE: Final = ("robots", "types", "config", "tags", "capture", "server", "stat
 FLOWN: Final = {"mission", "environment", "robots", "stations", "anchors"}
 OWN: Final = frozenset({"star", "mission", "swarm", "world", "agents", "drones"})
 """Keys of STAR's own files."""
-KEY: Final = re.compile(rb"^(/?[A-Za-z_0-9]+)[ \t]*:", re.MULTILINE)
-SIMILAR: Final = 0.8  # of a key to that which is probably meant, by `difflib`
+KEY: Final = re.compile(rb"""^([ {]*)["']?(/?[A-Za-z_0-9]+)["']?[ \t]*:""", re.MULTILINE)
 HEADER: Final = "duration"  # begins Crazyswarm2's trajectories
 LONGEST: Final = 1_000_000  # bytes of a file, the most that is read
 DEEPEST: Final = 4  # folders below the one that is named
@@ -165,17 +166,23 @@ def misspelled(path: Path) -> tuple[int, str, str] | None:
 
 
 def _keys(path: Path) -> dict[str, int]:
-    """Return the words at the beginnings of a YAML file's lines, with the numbers of the lines."""
+    """Return the keys at the top of a YAML file that begin a line, with the numbers of the lines.
+
+    They are as far indented as the first one.
+    """
     if path.suffix not in {".yaml", ".yml"} or not path.is_file():
         return {}
     try:
         with path.open("rb") as stream:
-            text = stream.read(LONGEST)
+            text = stream.read(LONGEST).removeprefix(BOM_UTF8)
     except OSError:
         return {}
     keys: dict[str, int] = {}
+    indent: bytes | None = None
     for match in KEY.finditer(text):
-        keys.setdefault(match[1].decode(), text.count(b"\n", 0, match.start()) + 1)
+        indent = match[1] if indent is None else indent
+        if match[1] == indent:
+            keys.setdefault(match[2].decode(), text.count(b"\n", 0, match.start()) + 1)
     return keys
 
 

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from typing import Final
 
 from star_core.toolkit import shortlist
 from star_import.config import Config
 from star_import.import_log import ImportLog, show
 from star_import.records import Record, groups
 from star_import.text import Line
+
+PORT: Final = 5799  # default of `external`
 
 
 class Steps:
@@ -38,12 +41,14 @@ class Steps:
         self._executed = as_executed
         self._log = log
         self._up: set[str] = set()
+        self._externals = 0  # of the group that is written
 
     def write(self, commands: Sequence[Record]) -> list[Line]:
         """Return the lines of the steps under ``mission:``, indented by two spaces."""
         lines: list[Line] = []
         some = False
         for group in groups(commands):
+            self._externals = 0
             steps = [(record, list(self._steps(record))) for record in group if record.task]
             for record in group:
                 if not record.task:
@@ -105,6 +110,12 @@ class Steps:
                 )
                 end = f"max_silence: {silence}, on_silence: fail, on_failure: continue"
                 end += f", response_timeout: {silence}"
+                if self._externals:
+                    port = PORT + self._externals
+                    end += f", port: {port}"
+                    text = f"external beside another listens at port {port}, for a program each"
+                    self._changed(record, text)
+                self._externals += 1
                 yield f"external: {{{_joined(agents, end)}}}"
             case "goto" if self._executed:
                 end = ", nor does it land" if record.lands else ""

@@ -16,7 +16,7 @@ from star_core.formats.located import Data, Mark
 from star_core.toolkit import actions
 from star_import.import_log import ImportLog
 from star_import.records import records
-from tests.plugins.formats.star_import.conftest import ROBOTS, Import, place, refusals
+from tests.plugins.formats.star_import.conftest import ROBOTS, Import, main, place, refusals
 
 Fly = Callable[..., Mission]
 """A mission's commands, and options, to the mission that comes out."""
@@ -135,6 +135,26 @@ def test_what_is_doubtful_is_reported(commands: Fly, take: Import, record: str, 
     commands(record)
     described = take("m.yaml", "crazyflies.yaml", "--force")
     assert [line for line in described if line.startswith(told)]
+
+
+@pytest.mark.parametrize("names", ["cf1,cf2", "all cf1"])
+def test_names_that_are_not_separated_by_spaces_are_refused(names: str) -> None:
+    place("m.yaml", f'command_sequence: ["land", "wait", "{names}", "", ""]\n')
+    with pytest.raises(InputError) as raised:
+        main(["m.yaml", "--agent", "cf1=0,0", "--agent", "cf2=1,0"])
+    (problem,) = raised.value.problems
+    assert problem.startswith("m.yaml:1:36: ")
+    assert "expected 'all' alone, or names separated by spaces" in problem
+    assert "--agent" not in problem
+
+
+def test_externals_beside_each_other_have_a_port_each(commands: Fly) -> None:
+    mission = commands(
+        UP + '"external", "conc", "cf1", "", "", "external", "wait", "cf2", "", "",\n'
+        '"external", "wait", "all", "", "", "land", "wait", "all", "", ""'
+    )
+    externals = [step for step in actions(mission.steps) if step.verb == "external"]
+    assert [step.options["port"] for step in externals] == [5799, 5800, 5799]
 
 
 def test_a_mission_without_robots_is_refused() -> None:

@@ -83,6 +83,13 @@ def test_the_fence_is_drawn_around_everything_and_reported(take: Import) -> None
 PAIR = "id000 id001: {alignment: top-left, location: [1.0, 0.0], purpose: relocalization}"
 
 
+def test_an_obstacle_above_all_heights_is_in_the_fence(take: Import) -> None:
+    text = OBSTACLE.format(offsets="true", points="[1.0, 1.0, 0.0, 2.0]")
+    place("high.yaml", text.replace("[0.0, 1.5]", "[2.3, 4.0]"))
+    take("high.yaml")
+    assert "high: [2.1, 4.1, 2.5]}" in Path("imported/worlds/high.yaml").read_text("utf-8")
+
+
 def test_tags_lie_where_the_original_flew_them_as_executed(world: World_) -> None:
     """The figures are those of the original's own lab: (1 - 0.122 + 0.157 / 2, ...)."""
     first, second = world(TAGS.format(tags=PAIR), *FENCE, "--as-executed").landmarks

@@ -189,3 +189,97 @@ def test_drawn_launch_folders_are_imported(
         assert status == (2 if refused else 0)
         for name in answer["written"][1:]:
             load(Path(name), Registry())
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "\ufeff{}",
+        '"command_sequence": {}',
+        "{{command_sequence: {}}}",
+        "# as indented as\n  # its list\n  command_sequence: {}",
+    ],
+)
+def test_missions_of_a_folder_are_found_however_written(
+    folder: Path, capsys: pytest.CaptureFixture[str], text: str
+) -> None:
+    (folder / "mission/out.yaml").unlink()
+    flown = UP.format("").strip()
+    content = text.format(flown if text.startswith("\ufeff") else flown.split(": ")[1])
+    (folder / "mission/up.yaml").write_text(content, encoding="utf-8")
+    status, answer = imported(capsys, "launch")
+    assert (status, answer["written"][1]) == (0, "imported/up.yaml")
+
+
+def test_missions_of_a_folder_share_a_fence_around_all(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name, x in (("up", 8), ("out", 1)):
+        goal = f', "goto_velocity", "wait", "cf1", "", "{x} 0 1 0"'
+        (folder / f"mission/{name}.yaml").write_text(UP.format(goal))
+    status, answer = imported(capsys, "launch")
+    assert status == 0
+    for name in ("up", "out"):
+        high = load(Path(f"imported/{name}.yaml"), Registry()).scene.world.fence.high
+        assert high[0] == 9
+    fences = [note["message"] for note in answer["notes"] if note["file"] == "fence"]
+    assert fences == ["from [-2, -1, 0] to [9, 2, 2.2] m, around everything"]
+
+
+def test_a_second_mission_of_one_name_is_refused(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (folder / "mission/old").mkdir()
+    (folder / "mission/out.yaml").unlink()
+    (folder / "mission/old/up.yaml").write_text("command_sequence: []\n")
+    status, answer = imported(capsys, "launch")
+    (refused,) = (note for note in answer["notes"] if note["severity"] == "refused")
+    assert (status, refused["file"], refused["code"]) == (
+        2,
+        "launch/mission/old/up.yaml",
+        "duplicate-name",
+    )
+
+
+@pytest.mark.parametrize(
+    ("numbers", "problem"),
+    [
+        ("height_range: [2.0, 0.5]", "launch/config.yaml:3:17 [empty-range]"),
+        ("max_velocity: 30", "launch/config.yaml:3:3 [out-of-range]"),
+    ],
+)
+def test_numbers_that_no_flight_has_are_located(folder: Path, numbers: str, problem: str) -> None:
+    text = f"environment_file: lab.yaml\ntrajectory_parameters:\n  {numbers}\n"
+    (folder / "config.yaml").write_text(text)
+    assert problem in refusals("launch")
+
+
+def test_the_fence_is_as_high_as_agents_may_fly(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = "environment_file: lab.yaml\ntrajectory_parameters: {height_range: [0.5, 3]}\n"
+    (folder / "config.yaml").write_text(text)
+    goal = ', "goto_velocity", "wait", "cf1", "", "1 0 3 0"'
+    (folder / "mission/out.yaml").write_text(UP.format(goal))
+    assert imported(capsys, "launch")[0] == 0
+    assert load(Path("imported/out.yaml"), Registry()).scene.world.fence.high[2] == 3.2
+
+
+def test_misspelt_keys_of_numbers_are_not_just_ignored(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = "environment_file: lab.yaml\ntrajectory_parameters: {max_velocty: 0.3, other: 1}\n"
+    (folder / "config.yaml").write_text(text)
+    rows = [remark(note) for note in imported(capsys, "launch")[1]["notes"]]
+    assert (
+        "changed launch/config.yaml:2:38: trajectory_parameters.max_velocty: has no effect: "
+        "unknown key; did you mean 'max_velocity'?"
+    ) in rows
+    assert any("trajectory_parameters.other: has no counterpart" in row for row in rows)
+
+
+@pytest.mark.usefixtures("folder")
+def test_robots_with_a_misspelt_key_are_named_in_a_refusal(folder: Path) -> None:
+    (folder / "crazyflies.yaml").write_text(ROBOTS.replace("robots:", "robot:", 1))
+    refused = refusals("launch/mission/up.yaml", "launch")
+    assert "launch/crazyflies.yaml:1:1 [invalid-input]" in refused
