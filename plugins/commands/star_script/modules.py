@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from types import ModuleType
 
 from star_script import uav_trajectory
@@ -12,10 +14,44 @@ from star_script.script_flight import ScriptFlight
 from star_script.swarm import Crazyflie, CrazyflieServer, Crazyswarm, OldCrazyflie, TimeHelper
 
 
+def _mission_time(flight: ScriptFlight, folder: Path) -> ModuleType:
+    """Return a module ``time`` that is mission time to files in a folder, and real to others."""
+
+    def is_own() -> bool:
+        return Path(sys._getframe(2).f_code.co_filename).parent == folder  # noqa: SLF001
+
+    begin = int(time.time())  # whole seconds, so that differences are the same in each flight
+
+    def sleep(seconds: float) -> None:
+        if is_own():
+            flight.sleep(flight.time + seconds)
+        else:
+            time.sleep(seconds)
+
+    def now() -> float:
+        if not is_own():
+            return time.time()
+        flight.poll()
+        return begin + flight.time
+
+    def monotonic() -> float:
+        if not is_own():
+            return time.monotonic()
+        flight.poll()
+        return flight.time
+
+    module = ModuleType("time", time.__doc__)
+    vars(module).update(vars(time), sleep=sleep, time=now, monotonic=monotonic)
+    return module
+
+
 @contextmanager
-def provided(flight: ScriptFlight, button_delay: float) -> Iterator[None]:
-    """Provide ``crazyflie_py`` and ``pycrazyswarm``, in place of those that may be installed."""
-    modules = {}
+def provided(flight: ScriptFlight, button_delay: float, folder: Path) -> Iterator[None]:
+    """Provide ``crazyflie_py`` and ``pycrazyswarm``, in place of those that may be installed.
+
+    In lock-step the script, and the modules beside it in a folder, get a ``time`` too.
+    """
+    modules = {} if flight.realtime else {"time": _mission_time(flight, folder)}
     for package, drone in (("crazyflie_py", Crazyflie), ("pycrazyswarm", OldCrazyflie)):
         names = {"flight": flight, "drone_class": drone, "button_delay": button_delay}
         swarm = type("Crazyswarm", (Crazyswarm,), names)

@@ -43,7 +43,7 @@ def run_script(
     with open_flight(mission, registry, folder=folder, operator=operator) as flight:
         control = ScriptFlight(flight, mission, operator.report)
         script_run = _ScriptRun(script, arguments)
-        with provided(control, button):
+        with provided(control, button, script.resolve().parent), script_run.catching():
             if control.realtime:
                 thread = threading.Thread(target=script_run, name="script", daemon=True)
                 thread.start()
@@ -51,6 +51,7 @@ def run_script(
                 thread.join(timeout=1.0)
             else:
                 script_run()
+            control.end()
         if not flight.over:
             control.send_parameters()  # those set at its end
         if script_run.failure and not flight.over:
@@ -69,22 +70,49 @@ class _ScriptRun:
     def __init__(self, script: Path, arguments: Sequence[str]) -> None:
         self._script, self._arguments = script.resolve(), arguments
         self.failure = ""
+        self._ended = False
 
     def __call__(self) -> None:
-        """Run the script as a program."""
+        """Run the script as a program, which ends with its last thread."""
+        others = {*threading.enumerate()}
         try:
             with _program(self._script, self._arguments):
                 runpy.run_path(str(self._script), run_name="__main__")
+                for thread in {*threading.enumerate()} - others:
+                    if not thread.daemon:
+                        thread.join()
         except SystemExit as end:
             if end.code not in {None, 0}:
                 self.failure = f"{self._script.name} exited with {end.code}"
-        except StarError as error:
-            self.failure = str(error)
         except Exception as error:  # noqa: BLE001 -- whatever a script raises
-            self.failure = f"{self._line(error)}: {type(error).__name__}: {error}"
-            sys.stderr.write(traceback.format_exc(chain=False))
+            self._fail(error)
+        self._ended = True
 
-    def _line(self, error: Exception) -> str:
+    @contextmanager
+    def catching(self) -> Iterator[None]:
+        """Let the script fail because of errors in threads that it starts."""
+        before, threading.excepthook = threading.excepthook, self._fail_in_thread
+        try:
+            yield
+        finally:
+            threading.excepthook = before
+
+    def _fail_in_thread(self, raised: threading.ExceptHookArgs) -> None:
+        files = [Path(frame.filename) for frame in traceback.extract_tb(raised.exc_traceback)]
+        if raised.exc_value is None or self._script.parent not in {file.parent for file in files}:
+            threading.__excepthook__(raised)
+        elif not self._ended:  # else it is left behind
+            self._fail(raised.exc_value)
+
+    def _fail(self, error: BaseException) -> None:
+        """Fail because of an error; the first is the reason."""
+        text = str(error)
+        if not isinstance(error, StarError):
+            text = f"{self._line(error)}: {type(error).__name__}: {error}"
+            sys.stderr.writelines(traceback.format_exception(error, chain=False))
+        self.failure = self.failure or text
+
+    def _line(self, error: BaseException) -> str:
         """Return the last line of the script that an error passed: ``file:line``."""
         frames = traceback.extract_tb(error.__traceback__)
         lines = [f.lineno for f in frames if f.filename == str(self._script)]

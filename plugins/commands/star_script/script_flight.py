@@ -6,6 +6,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
+from time import monotonic as clock
 from typing import Any, Final
 
 import numpy as np
@@ -18,6 +19,9 @@ MAX_HORIZON: Final = 60.0  # s, for which motions are compared with each other
 SETPOINT_HORIZON: Final = 0.5  # s, the same of setpoints
 SAMPLE: Final = 0.1  # s
 HEIGHT_GAIN: Final = 1.5  # 1/s, of hover setpoints
+PATIENCE: Final = 1.0  # s of real time, for threads of the script that do not sleep
+POLL: Final = 0.001  # s of real time
+MOST_POLLS: Final = 1000  # within a tick
 RETREAT: Final = 0.01  # m by which agents that are too near may approach each other further
 GROUND: Final = frozenset({AgentPhase.GROUNDED, AgentPhase.LANDED})
 OWN: Final = str(Path(__file__).parent)
@@ -32,8 +36,9 @@ class ScriptError(StarError):
 class ScriptFlight:
     """An open flight whose agents move as a script commands.
 
-    The script calls everything but `serve`. In simulation mission time advances while it sleeps.
-    Where mission time advances by itself, another thread calls `serve`, and a sleep waits for it.
+    The script calls everything but `serve`. In simulation mission time advances while it sleeps,
+    or while all its threads do, if it has several. Where mission time advances by itself, another
+    thread calls `serve`, and a sleep waits for it.
 
     Args:
         flight: Of `star_core.open_flight`.
@@ -60,6 +65,11 @@ class ScriptFlight:
         self._parameters: list[tuple[list[str], dict[str, float]]] = []  # agents and values
         self._changed = self._moved = False
         self._ticked = threading.Condition(threading.RLock())
+        self._polls = 0  # since the last tick
+        self._ticking = False
+        self._threads: set[threading.Thread] = set()  # that have slept in lock-step
+        self._sleepers: dict[threading.Thread, float] = {}  # until when, s
+        self._others = {*threading.enumerate()} - {threading.current_thread()}  # not the script's
         self._step()
 
     @property
@@ -84,10 +94,53 @@ class ScriptFlight:
             with self._ticked:
                 self._ticked.wait_for(lambda: self.ended is not None or self.time >= until)
         else:
-            while self.ended is None and self.time < until:
-                self.advance()
+            self._sleep_in_lock_step(until)
         if self.ended is not None:
             raise self.ended
+
+    def _sleep_in_lock_step(self, until: float) -> None:
+        """Fly until a mission time, s: one of the threads that sleep flies the ticks for all."""
+        thread = threading.current_thread()
+        with self._ticked:
+            self._others.discard(thread)
+            self._threads.add(thread)
+            self._sleepers[thread] = until
+            while self.ended is None and self.time < until:
+                if self._ticking:
+                    self._ticked.wait()
+                    continue
+                self._ticking = True
+                try:
+                    self._await_threads()
+                    if self.ended is None:
+                        self.advance()
+                finally:
+                    self._ticking = False
+                    self._ticked.notify_all()
+                for sleeper, end in [*self._sleepers.items()]:
+                    if self.time >= end:
+                        del self._sleepers[sleeper]
+            self._sleepers.pop(thread, None)
+
+    def _await_threads(self) -> None:
+        """Wait until all threads of the script sleep, except those that do not for too long.
+
+        These wait for another thread, or are none of the script's.
+        """
+        end = clock() + PATIENCE
+        while awake := {*threading.enumerate()} - self._others - {*self._sleepers}:
+            if self.ended is not None:
+                return
+            if clock() > end:
+                self._others |= awake
+                return
+            self._ticked.wait(POLL)
+
+    def poll(self) -> None:
+        """Fly a tick if a script asks for times or positions again and again, without sleeping."""
+        self._polls += 1
+        if self._polls > MOST_POLLS and not self.realtime:
+            self.sleep(self.time + self.scene.period)
 
     def serve(self, script: threading.Thread) -> None:
         """Fly in real time until a thread that runs the script ends, or the flight does."""
@@ -96,6 +149,7 @@ class ScriptFlight:
 
     def advance(self) -> None:
         """Fly a tick."""
+        self._polls = 0
         try:
             with self._ticked:
                 self._prepare()
@@ -104,6 +158,14 @@ class ScriptFlight:
             self.ended = error
         with self._ticked:
             self._ticked.notify_all()
+
+    def end(self) -> None:
+        """End the script's flight, also for threads that it has left behind."""
+        with self._ticked:
+            self.ended = self.ended or StarError("the script has ended", "flight-ended")
+            self._ticked.notify_all()
+        for thread in self._threads - {threading.current_thread()}:
+            thread.join(PATIENCE)
 
     def rows(self, mask: int) -> list[int]:
         """Return the agents that heed a broadcast with a group mask."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Sequence
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -17,6 +17,30 @@ from star_script.uav_trajectory import Trajectory, coefficients
 LOW_BATTERY: Final = 3.2  # V, at which the firmware's power management reports low power
 SOLID_COLOR: Final = 7  # effect of the ring of LEDs
 ON_BATTERY, LOW_POWER = 0, 3  # states of the firmware's power management
+
+
+class _Point(NamedTuple):
+    """A position, m, as in ROS."""
+
+    x: float
+    y: float
+    z: float
+
+
+class _Quaternion(NamedTuple):
+    """An attitude, as in ROS."""
+
+    x: float
+    y: float
+    z: float
+    w: float
+
+
+class _Pose(NamedTuple):
+    """A pose, as in ROS."""
+
+    position: _Point
+    orientation: _Quaternion
 
 
 class _Commands:
@@ -68,23 +92,46 @@ class Crazyflie(_Commands):
 
     def get_position(self) -> list[float]:
         """Return its position, m."""
+        self._flight.poll()
         return [float(value) for value in self._flight.tick.estimate.position[self._row]]
 
+    @property
+    def pose(self) -> dict[str, Any]:
+        """Its position, m, and its heading as a quaternion."""
+        return self.get_pose()
+
     def get_pose(self) -> dict[str, Any]:
-        """Return its position, m, and its heading as a quaternion x, y, z, w."""
+        """Return its position, m, and its heading as a quaternion."""
+        return self.poseStamped["pose"]._asdict()  # type: ignore[no-any-return]
+
+    @property
+    def poseStamped(self) -> dict[str, Any]:
+        """Its pose, a message of ROS, with the time."""
         half = float(self._flight.tick.estimate.yaw[self._row]) / 2
-        turn = [0.0, 0.0, math.sin(half), math.cos(half)]
-        return {"position": self.get_position(), "orientation": turn}
+        turn = _Quaternion(0.0, 0.0, math.sin(half), math.cos(half))
+        return {**self._stamp(), "pose": _Pose(_Point(*self.get_position()), turn)}
+
+    @property
+    def status(self) -> dict[str, Any]:
+        """What it reports."""
+        return self.get_status()
+
+    def _stamp(self) -> dict[str, Any]:
+        """Return its name and the time, as in a header of ROS."""
+        time = self._flight.tick.time
+        seconds = int(time)
+        return {
+            "id": self.name,
+            "timestamp_sec": seconds,
+            "timestamp_nsec": round((time - seconds) * 1e9),
+        }
 
     def get_status(self) -> dict[str, Any]:
         """Return what it reports: battery, supervisor and so on."""
         tick, row = self._flight.tick, self._row
-        seconds = int(tick.time)
         battery = float(tick.health.battery[row])
         return {
-            "id": self.name,
-            "timestamp_sec": seconds,
-            "timestamp_nsec": round((tick.time - seconds) * 1e9),
+            **self._stamp(),
             "supervisor": int(tick.telemetry.state[row]),
             "battery": battery,
             "pm_state": LOW_POWER if battery < LOW_BATTERY else ON_BATTERY,
@@ -286,6 +333,7 @@ class TimeHelper:
 
     def time(self) -> float:
         """Return mission time, s."""
+        self._flight.poll()
         return self._flight.time
 
     def sleep(self, duration: float) -> None:
@@ -301,6 +349,7 @@ class TimeHelper:
 
     def isShutdown(self) -> bool:
         """Return whether the flight is over."""
+        self._flight.poll()
         return self._flight.ended is not None
 
 

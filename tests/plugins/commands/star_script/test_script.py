@@ -258,6 +258,84 @@ def test_scripts_of_pycrazyswarm_run_too(fly: Fly) -> None:
     assert "crazyflie_py" not in sys.modules
 
 
+THREADS = """
+from threading import Thread
+def go(cf, y):
+    cf.goTo([0.5, y, 0.8], 0.0, 2.0)
+    timeHelper.sleep(2.5)
+    cf.setParam("a.b", round(cf.position[0], 9))
+    cf.land(0.04, 2.0)
+    timeHelper.sleep(4.0)
+for cf, y in ((cf1, 0.0), (cf2, 1.0)):
+    Thread(target=go, args=(cf, y)).start()
+"""
+
+
+def test_threads_of_a_script_share_mission_time(fly: Fly) -> None:
+    flights = [fly(THREADS, end="") for _ in range(2)]
+    completed(flights[0])
+    summary = flights[0][1]
+    assert len(events(summary)) == 7
+    assert sorted(events(summary)) == sorted(events(flights[1][1]))
+    assert 4 + 2.5 + 4 <= summary["flight_time_s"] < 15
+
+
+def test_a_thread_that_fails_fails_its_script(fly: Fly) -> None:
+    body = THREADS.replace("[0.5, y, 0.8]", "[99, y, 0.8]")
+    status, summary = fly(body, end="")
+    assert status == 1
+    assert summary["reason"].startswith("hover.py:11: goTo: ")
+
+
+def test_a_script_that_fails_stops_its_threads(fly: Fly) -> None:
+    body = THREADS + "timeHelper.sleep(1.0)\nraise ValueError('enough')\n"
+    status, summary = fly(body, end="")
+    assert (status, summary["reason"]) == (1, "hover.py:19: ValueError: enough")
+    assert len(events(summary)) == 3
+
+
+def test_time_of_a_script_is_mission_time(fly: Fly) -> None:
+    body = """
+    import time
+    from time import monotonic, sleep
+    begin, real = (time.time(), monotonic()), time.perf_counter()
+    cf1.goTo([0.5, 0.0, 0.8], 0.0, 2.0)
+    sleep(2.5)
+    while time.time() - begin[0] < 20:
+        time.sleep(0.1)
+    passed = (time.time() - begin[0], monotonic() - begin[1])
+    assert np.allclose(passed, 20, atol=0.11), passed
+    assert time.perf_counter() - real < 15
+    assert abs(cf1.position[0] - 0.5) < 0.3, cf1.position
+    """
+    completed(fly(body))
+    assert time.sleep.__module__ == "time"
+
+
+def test_a_script_that_waits_without_sleeping_flies_on(fly: Fly) -> None:
+    body = """
+    cf1.goTo([0.5, 0.0, 0.8], 0.0, 2.0)
+    begin = timeHelper.time()
+    while timeHelper.time() - begin < 2.5:
+        pass
+    while cf1.position[0] < 0.3:
+        pass
+    """
+    completed(fly(body))
+
+
+def test_poses_have_the_fields_of_messages(fly: Fly) -> None:
+    body = """
+    stamped = cf2.poseStamped
+    assert (stamped["id"], stamped["timestamp_sec"]) == ("cf2", 4)
+    assert list(stamped["pose"].position) == cf2.position
+    assert cf2.get_pose()["position"].y == cf2.position[1]
+    assert cf2.pose["orientation"].w > 0.9
+    assert cf2.status == cf2.get_status()
+    """
+    completed(fly(body))
+
+
 def test_a_flight_after_a_landing_waits_for_the_floor(fly: Fly) -> None:
     body = """
     allcfs.land(0.04, 1.0)
