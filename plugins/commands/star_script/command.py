@@ -11,8 +11,10 @@ from typing import Any, Final
 
 from star_core import Fence, InputError, Mission, Operator, Registry, load
 from star_core.commands import add_set_option, guarded, land_on_signals, new_folder
+from star_core.formats import recognized_as
 from star_core.toolkit import Progress, log
 
+IMPORTED: Final = "original-star"  # format of robots that have neither a world nor limits
 ROOM: Final = 3.0  # m around the starts, and above them, in a world that no file describes
 SPEED, ACCELERATION = 2.0, 5.0  # limits for swarms of which no file has any
 
@@ -111,21 +113,12 @@ def _mission(options: Namespace, registry: Registry, name: str) -> Mission:
     if options.speed is not None:
         assignments.append(f"transport.speed={options.speed}")
     mission = load(path, registry, assignments)
-    if _is_mission(path):
+    if recognized_as(path, registry) != IMPORTED:
         return replace(mission, name=name)
     if not (mission.scene.measures_positions or _names(assignments, "transport", "localizer")):
         located = ["transport.positioning={std: 0.005}", "localizer=mocap"]
         mission = load(path, registry, [*assignments, *located])
     return _widened(replace(mission, name=name), assignments)
-
-
-def _is_mission(path: Path) -> bool:
-    """Return whether a file is a mission of STAR, which has a world and limits."""
-    try:
-        lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
-    except OSError:  # a name of `star missions`
-        return True
-    return any(line.startswith("star:") for line in lines)
 
 
 def _names(assignments: Sequence[str], *keys: str) -> bool:

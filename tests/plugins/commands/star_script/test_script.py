@@ -357,6 +357,25 @@ def test_arguments_and_files_beside_a_script_are_its_own(fly: Fly, tmp_path: Pat
     completed(fly(body, "--", "--fast"))
 
 
+@pytest.mark.parametrize("begin", ["\ufeffstar: 1\n", '"star": 1\n'])
+def test_missions_keep_their_fence_and_limits(tmp_path: Path, begin: str) -> None:
+    (tmp_path / "room.yaml").write_text(
+        "star: 1\nname: room\nfence: {low: [-1, -1, 0], high: [1, 1, 2]}\n"
+    )
+    (tmp_path / "mission.yaml").write_text(
+        f"{begin}name: small\nworld: room.yaml\nlimits: {{speed: 0.3}}\n"
+        "swarm: {cf1: {start: [0, 0, 0]}}\ntransport: sim\nlocalizer: flow\n"
+        "planner: straight\navoider: none\nmission: [hold: {}]\n",
+        encoding="utf-8",
+    )
+    (tmp_path / "look.py").write_text(
+        "from crazyflie_py import Crazyswarm\nscene = Crazyswarm().flight.scene\n"
+        "assert (scene.world.fence.high, scene.limits.speed) == ((1, 1, 2), 0.3)\n"
+    )
+    swarm = str(tmp_path / "mission.yaml")
+    assert main([str(tmp_path / "look.py"), "--swarm", swarm, "--no-record"]) == 0
+
+
 def test_a_missing_script_and_a_missing_swarm_are_reported(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"none.py: no such file \[file-not-found\]"):
         main([str(tmp_path / "none.py"), "--swarm", "first_flight"])
