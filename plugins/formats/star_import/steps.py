@@ -49,11 +49,16 @@ class Steps:
         some = False
         for group in groups(commands):
             self._externals = 0
-            steps = [(record, list(self._steps(record))) for record in group if record.task]
+            steps = []
             for record in group:
+                texts, why = list(self._steps(record)), "in the air already"
                 if not record.task:
                     self._log.ignored(record.location, "records without a task are skipped")
-                    lines.append(Line(f"  # line {record.line}: no task, ignored", record.location))
+                    why = "no task, ignored"
+                if texts:
+                    steps.append((record, texts))
+                else:
+                    lines.append(Line(f"  # line {record.line}: {why}", record.location))
             some = some or bool(steps)
             lines += self._together(steps)
         if not some:
@@ -83,20 +88,16 @@ class Steps:
 
     def _steps(self, record: Record) -> Iterator[str]:
         """Return the steps of one record."""
+        if not record.task:
+            return
         agents = f"agents: [{', '.join(record.agents)}]" if record.agents else ""
         flying = set(record.agents or self._names)
-        height, climb = show(self._config.height), show(self._config.climb)
         silence = show(self._config.silence)
         if record.task not in {"takeoff", "land"} and (grounded := sorted(flying - self._up)):
             self._changed(record, f"{shortlist(grounded)}: not airborne at this point")
         match record.task:
             case "takeoff":
-                if record.agents and self._executed:
-                    self._assumed(record, "takeoff is sent to all agents, as executed")
-                    agents, flying = "", set(self._names)
-                self._up |= flying
-                numbers = f"height: {height}, speed: {climb}"
-                yield f"takeoff: {{{_joined(agents, numbers)}}}"
+                yield from self._takeoff(record)
             case "hold":
                 yield f"hold: {{{_joined(agents, f'for: {show(record.seconds)}')}}}"
             case "land":
@@ -123,6 +124,22 @@ class Steps:
                 yield f"hold: {{{agents}}}"
             case _:
                 yield from self._flight(record, agents)
+
+    def _takeoff(self, record: Record) -> Iterator[str]:
+        """Yield the take-off of the agents of a record that are on the ground, if any are."""
+        named = record.agents
+        if named and self._executed:
+            self._assumed(record, "takeoff is sent to all agents, as executed")
+            named = ()
+        if up := [name for name in named or self._names if name in self._up]:
+            self._changed(record, f"{shortlist(up)}: in the air already, no take-off")
+        grounded = [name for name in named or self._names if name not in self._up]
+        if not grounded:
+            return
+        self._up |= {*grounded}
+        agents = f"agents: [{', '.join(grounded)}]" if named or up else ""
+        height, climb = show(self._config.height), show(self._config.climb)
+        yield f"takeoff: {{{_joined(agents, f'height: {height}, speed: {climb}')}}}"
 
     def _flight(self, record: Record, agents: str) -> Iterator[str]:
         x, y, z = record.point

@@ -100,6 +100,30 @@ def test_all_take_off_as_executed_whichever_are_named(commands: Fly) -> None:
     assert steps(commands(text))[0][1] == (0,)
 
 
+@pytest.mark.parametrize(
+    ("records", "takeoffs"),
+    [
+        ('"takeoff", "wait", "cf1", "", "",\n"takeoff", "wait", "cf2", "", "",\n', [(0, 1)]),
+        ('"takeoff", "conc", "cf1", "", "",\n"takeoff", "wait", "cf2", "", "",\n', [(0, 1)]),
+        ('"takeoff", "wait", "all", "", "",\n"takeoff", "wait", "all", "", "",\n', [(0, 1)]),
+    ],
+)
+def test_agents_in_the_air_do_not_take_off_again(
+    commands: Fly, records: str, takeoffs: list[tuple[int, ...]]
+) -> None:
+    mission = commands(records + '"land", "wait", "all", "", ""', "--as-executed")
+    flown = [rows for verb, rows, _ in steps(mission) if verb == "takeoff"]
+    assert flown == takeoffs
+    assert "  # line 3: in the air already\n" in Path("imported/m.yaml").read_text("utf-8")
+
+
+def test_a_takeoff_of_all_is_that_of_those_on_the_ground(commands: Fly, take: Import) -> None:
+    mission = commands('"takeoff", "wait", "cf1", "", "",\n' + UP + '"land", "wait", "all", "", ""')
+    assert [rows for _, rows, _ in steps(mission)] == [(0,), (1,), (0, 1)]
+    told = take("m.yaml", "crazyflies.yaml", "--force")
+    assert "changed m.yaml:3:1: cf1: in the air already, no take-off" in told
+
+
 def test_names_with_an_underscore_between_are_two(commands: Fly) -> None:
     assert steps(commands('"takeoff", "wait", "cf1_cf2", "", ""'))[0][1] == (0, 1)
 
