@@ -22,7 +22,7 @@ from star_import.obstacles import Wall, has_inside, walls
 from star_import.output_files import TOP, OutputFiles, Room, around, corners
 from star_import.records import Record, records
 from star_import.robots import Robot, command_line_agents, positioning, robots
-from star_import.sources import Sources, misspelled, path_of
+from star_import.sources import MOST, Sources, misspelled, path_of
 from star_import.steps import Steps
 from star_import.tags import EDGE, Reading, Sheet, sheets
 from star_import.text import Line
@@ -350,6 +350,9 @@ def _log_sources(sources: Sources, log: ImportLog) -> None:
             log.changed(family.begins_at, "tags are of the family 36h11, as in the original")
         why = "is an option of another detector"
         log.ignore_keys(sources.tags, {"family", "size"}, why=why)
+    for path in sources.partly:
+        text = f"only {MOST} of its files were looked at; name files or folders in it"
+        log.changed(str(path), text)
     for path in sources.others:
         if near := _misspelled(path):
             log.changed(*near)

@@ -58,6 +58,7 @@ def selected(paths: Sequence[Path], choice: Choice, registry: Registry) -> Itera
         calibrations=[*map(read, files.by_sort.get("calibration", ()))],
         trajectories=files.trajectories,
         others=files.others,
+        partly=files.partly,
         **single,
     )
     if missions != [None]:

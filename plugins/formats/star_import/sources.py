@@ -58,6 +58,7 @@ class Sources:
         calibrations: Cameras.
         trajectories: Paths of polynomial trajectories.
         others: Paths of files that are none of these.
+        partly: Folders of which `MOST` files were looked at, the most that are.
         broken: Why the mission cannot be read, if it cannot.
     """
 
@@ -74,6 +75,7 @@ class Sources:
     calibrations: Sequence[Value] = ()
     trajectories: Sequence[Path] = ()
     others: Sequence[Path] = ()
+    partly: Sequence[Path] = ()
     broken: InputError | None = None
 
     @property
@@ -99,6 +101,7 @@ class Files:
         values: Content of those that were read.
         trajectories: Paths of polynomial trajectories.
         others: Paths of all other files.
+        partly: Folders of which `MOST` files were looked at, the most that are.
     """
 
     named: set[Path] = field(default_factory=set)
@@ -106,6 +109,7 @@ class Files:
     values: dict[Path, Value] = field(default_factory=dict)
     trajectories: list[Path] = field(default_factory=list)
     others: list[Path] = field(default_factory=list)
+    partly: list[Path] = field(default_factory=list)
 
 
 def sorted_out(paths: Sequence[Path], registry: Registry) -> Files:
@@ -119,7 +123,10 @@ def sorted_out(paths: Sequence[Path], registry: Registry) -> Files:
     for path in paths:
         try:
             if path.is_dir():
-                for file in files_in(path):
+                listed = [*files_in(path)]
+                if len(listed) == MOST:
+                    files.partly.append(path)
+                for file in listed:
                     _add(files, file, registry, named=False)
             else:
                 files.named.add(path)

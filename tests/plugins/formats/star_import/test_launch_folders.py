@@ -283,3 +283,14 @@ def test_robots_with_a_misspelt_key_are_named_in_a_refusal(folder: Path) -> None
     (folder / "crazyflies.yaml").write_text(ROBOTS.replace("robots:", "robot:", 1))
     refused = refusals("launch/mission/up.yaml", "launch")
     assert "launch/crazyflies.yaml:1:1 [invalid-input]" in refused
+
+
+@pytest.mark.usefixtures("folder")
+def test_files_beyond_the_most_are_reported(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("star_import.sources.MOST", 8)
+    _, answer = imported(capsys, "launch", "--agent", "cf9=2,0")
+    assert answer["written"] == ["imported/worlds/lab.yaml", "imported/out.yaml"]
+    rows = [remark(note) for note in answer["notes"]]
+    assert [row for row in rows if row.startswith("changed launch: only ")]
