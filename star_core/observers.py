@@ -81,7 +81,7 @@ class Observers:
         details: Mapping[str, Any] | None = None,
     ) -> None:
         """Record an `Event` at the current mission time and report it to the observers."""
-        self.record(Event(self._time, kind, text, agent, details))
+        self.record(Event(self._time, kind, " ".join(text.splitlines()), agent, details))
 
     def record(self, event: Event) -> None:
         """Record an event and report it to the observers."""

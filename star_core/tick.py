@@ -48,7 +48,7 @@ from star_core.safety.monitors import (
     Finding,
     Misreport,
     Monitor,
-    PendingStrikes,
+    PendingBrakes,
     Report,
     SafetyAction,
     Stage,
@@ -115,7 +115,7 @@ class ControlLoop:
             self._vehicles.unheard,
             self._rules,
             GroundedAgents(n, scene.limits),
-            PendingStrikes(pipeline.strikes),
+            PendingBrakes(pipeline.strikes),
         )
         self._monitors = {
             stage: [monitor for monitor in monitors if stage in stages_of(monitor)]
@@ -231,9 +231,11 @@ class ControlLoop:
                 self._pipeline.strike(kind, reason)
             case Misreport():
                 self._vehicles.misreport(finding)
-            case Brake():
+            case Brake() if state.stage is Stage.AVOIDED:
                 still = np.zeros_like(state.setpoint.active)
                 state.setpoint = replace(state.setpoint, active=still)
+            case Brake():
+                state.brakes = True
             case Exclude() if self._rules.record(finding):
                 self._exclude(finding, state.estimate)
 

@@ -44,6 +44,7 @@ class TickState:
         taken_over: (N,) agents that setpoints have flown, by their reports, since their last
             command.
         stage: After which it is checked now.
+        brakes: Whether a monitor of an earlier stage brakes all agents.
         estimate: The localizer's, as changed by monitors.
         health: Of the agents.
         gone: (N,) agents on the ground that do not take off again.
@@ -60,6 +61,7 @@ class TickState:
     phase: Rows
     taken_over: Mask
     stage: Stage = Stage.LOCATED
+    brakes: bool = False
     estimate: Estimate = field(init=False)
     health: Health = field(init=False)
     gone: Mask = field(init=False)
@@ -154,8 +156,12 @@ class Monitor(Protocol):
         ...
 
 
-class PendingStrikes:
-    """Brakes all agents in a tick in which a plugin has failed and the failure is tolerated."""
+class PendingBrakes:
+    """Brakes all agents once there is a setpoint.
+
+    It does so in ticks in which a monitor of an earlier stage brakes, or in which a plugin has
+    failed and the failure is tolerated.
+    """
 
     after = Stage.AVOIDED
 
@@ -163,8 +169,8 @@ class PendingStrikes:
         self._strikes = strikes
 
     def check(self, state: TickState) -> Iterable[Brake]:
-        """Return that all agents brake, after a failure."""
-        return (Brake(),) if self._strikes.pending else ()
+        """Return that all agents brake, if they are to."""
+        return (Brake(),) if state.brakes or self._strikes.pending else ()
 
 
 class PluginMonitor:
@@ -235,15 +241,31 @@ def checked_finding(finding: Finding, n: int) -> Finding:
             checked_setpoint(table, n)
         case Use("redirected", np.ndarray(shape=(rows,), dtype=np.bool_)) if rows == n:
             pass
-        case Exclude(row, SafetyAction()) if 0 <= row < n:
+        case Exclude(int() | np.integer() as row, SafetyAction()) if 0 <= row < n:
             pass
         case Strike(kind) if kind in PIPELINE_KINDS:
             pass
         case Misreport(missing, drifts):
             if missing.shape != (n, 3) or not np.isfinite(missing).all() or drifts.shape != (n,):
                 raise ContractError(f"{finding} has not finite rows of {n} agents")
-        case Report() | Brake():
+        case Report(str(), str(), str() | None) | Brake():
             pass
         case _:
-            raise ContractError(f"check() yields {finding!r}, expected a finding")
+            raise ContractError(f"check() yields {_mistake(finding, n)}")
     return finding
+
+
+def _mistake(finding: object, n: int) -> str:
+    """Return a wrong finding, and what is expected of one of its type."""
+    match finding:
+        case Use(table):
+            tables = "'estimate', 'visible', 'goals', 'setpoint', or 'redirected' with a mask"
+            return f"Use({table!r}, ...), expected {tables}"
+        case Exclude():
+            return f"{finding!r}, expected a row from 0 to {n - 1} and a SafetyAction"
+        case Strike():
+            return f"{finding!r}, expected a kind of plugin: {', '.join(PIPELINE_KINDS)}"
+        case Report():
+            return f"{finding!r}, expected a kind, a text and the name of an agent, as text"
+        case _:
+            return f"{finding!r}, expected a finding"

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from star_core import Event, Flight, Tick, hookimpl
+from star_core import Event, Flight, Status, TaskOutput, Tick, hookimpl
 from star_core.discovery import Source
 from tests.core.conftest import Lab
 
@@ -149,6 +149,13 @@ def test_every_event_is_reported_in_order_and_is_in_the_summary(lab: Lab) -> Non
     reported = [news for hook, news in watcher.received if hook == "star_event"]
     assert [event.text for event in reported] == [event["text"] for event in summary["events"]]
     assert [event.time for event in reported] == sorted(event.time for event in reported)
+
+
+def test_an_event_is_one_line_whatever_its_text(lab: Lab) -> None:
+    output = TaskOutput(status=Status.SUCCESS, messages=("it waits\nfor cf2\r\n",))
+    lab.spoil("wait", "step", lambda *_: output)
+    lab.fly("\n  - climb: {}\n  - wait: {agents: cf1, seconds: 1}")
+    assert lab.said("task") == ["wait: it waits for cf2"]
 
 
 def test_phases_are_reported_before_the_tick_they_are_seen_in(lab: Lab) -> None:

@@ -90,10 +90,12 @@ def test_findings_of_a_plugin_are_passed_on(finding: Finding) -> None:
     ("finding", "text"),
     [
         ("high", "check() yields 'high', expected a finding"),
-        (Exclude(N, SafetyAction.LAND, "high"), "check() yields Exclude(row=2"),
-        (Exclude(0, "land", "high"), "expected a finding"),  # type: ignore[arg-type]
-        (Strike("world", "flat"), "expected a finding"),
-        (Use("telemetry", Goals.none(N)), "expected a finding"),  # type: ignore[arg-type]
+        (Exclude(N, SafetyAction.LAND, "high"), "expected a row from 0 to 1 and a SafetyAction"),
+        (Exclude("cf1", SafetyAction.LAND, "high"), "expected a row from 0 to 1"),  # type: ignore[arg-type]
+        (Exclude(0, "land", "high"), "check() yields Exclude(row=0, action='land'"),  # type: ignore[arg-type]
+        (Strike("world", "flat"), "expected a kind of plugin: transport, localizer"),
+        (Report("height", "cf1 is high", 0), "the name of an agent, as text"),  # type: ignore[arg-type]
+        (Use("telemetry", Goals.none(N)), "yields Use('telemetry', ...), expected 'estimate', "),  # type: ignore[arg-type]
         (Use("estimate", NAN), "Estimate.velocity of row 0"),
         (Use("goals", Goals.none(3)), "every field of Goals has 3 rows, expected 2"),
         (Use("setpoint", Goals.none(N)), "returned Goals, expected Setpoint"),
@@ -155,6 +157,21 @@ def test_the_flight_goes_on_without_a_monitor_that_raises(lab: Lab) -> None:
     (event,) = (text for text in lab.said("plugin") if "monitor" in text)
     assert "RuntimeError: out of ideas (" in event
     assert __file__ in event
+
+
+@pytest.mark.parametrize("stage", Stage)
+def test_agents_brake_whatever_stage_a_monitor_brakes_after(lab: Lab, stage: Stage) -> None:
+    def check(state: TickState) -> Iterable[Finding]:
+        return (Brake(),) if 2.0 < state.telemetry.time < 3.0 else ()
+
+    def make(_scene: object) -> object:
+        return SimpleNamespace(after=stage, check=check)
+
+    lab.registry.add(offering(make), Source("theirs:mine"))
+    assert lab.fly()["outcome"] == "completed"
+    braked = [not tick.sent.active.any() or not tick.sent.velocity.any() for tick in lab.ticks]
+    times = [tick.time for tick in lab.ticks]
+    assert all(brakes for brakes, time in zip(braked, times, strict=True) if 2.0 < time < 3.0)
 
 
 def test_blocking_the_monitors_of_star_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
