@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any
@@ -183,7 +183,7 @@ class Registry:
             self._failed.setdefault(plugin, error)
 
     def _skip(self, source: Source, error: BaseException) -> None:
-        self.broken[source] = f"{type(error).__name__}: {error}"
+        self.broken[source] = " ".join(f"{type(error).__name__}: {error}".split())  # on one line
 
     def source(self, plugin: str) -> Source:
         """Return the origin of a plugin that `manager` holds under that name."""
@@ -266,17 +266,21 @@ def _merged(plugins: list[Found]) -> Any:
 
 
 def guarded(kind: str, plugin: Found, function: Callable[..., Any], *arguments: Any) -> Any:
-    """Return the result of a function of a plugin.
+    """Return the result of a function of a plugin; what a third party's generator yields as a list.
 
     Raises:
-        PluginError: A third party's raised neither `InputError` nor `SystemExit`.
+        PluginError: A third party's raised neither `InputError` nor, in a command, `SystemExit`.
     """
     if plugin.source.own:  # its other errors are bugs, and show their tracebacks
         return function(*arguments)
     try:
         with PluginGuard(f"{kind} {plugin.offer.name!r} ({plugin.source})"):
-            return function(*arguments)
+            result = function(*arguments)
+            return list(result) if isinstance(result, Generator) else result
     except PluginError as error:
-        if isinstance(error.__cause__, SystemExit | InputError | BrokenPipeError):
-            raise error.__cause__ from None
+        cause = error.__cause__
+        if isinstance(cause, InputError | BrokenPipeError):
+            raise cause from None
+        if kind == "command" and isinstance(cause, SystemExit):
+            raise cause from None
         raise

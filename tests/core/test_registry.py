@@ -12,7 +12,7 @@ import pytest
 
 from star_core import AvoiderSpec, PlannerSpec, PluginError, TaskSpec, Tick, hookimpl
 from star_core.commands import CommandSpec, Source
-from star_core.plugin_support.registry import Registry
+from star_core.plugin_support.registry import Registry, guarded
 from star_core.toolkit import KindSpec, Spec
 
 NEVER_MADE: Any = object
@@ -85,6 +85,7 @@ def test_installed_plugins_have_their_distribution_and_version(
         ("import no_such_module", "ModuleNotFoundError: No module named 'no_such_module'"),
         ("1 / 0", "ZeroDivisionError: division by zero"),
         ("raise SystemExit('bye')", "SystemExit: bye"),
+        ("raise ValueError('too\\nlong')", "ValueError: too long"),
         ("def f(:", "SyntaxError: invalid syntax"),
         (
             IMPORTS + "def star_planners():\n    yield 'orca'",
@@ -96,7 +97,7 @@ def test_installed_plugins_have_their_distribution_and_version(
             "PluginError: no hook named 'star_planner'; did you mean 'star_planners'?",
         ),
     ],
-    ids=["import", "raise", "exit", "syntax", "no offer", "hook raises", "no hook"],
+    ids=["import", "raise", "exit", "two lines", "syntax", "no offer", "hook raises", "no hook"],
 )
 def test_a_broken_plugin_is_left_out_and_grounds_no_other(
     install: Callable[[str, str], None], text: str, why: str
@@ -474,3 +475,20 @@ def test_arguments_of_added_hooks_are_checked(
         "a_star-dist:a_star", "b_star-dist:b_star"
     ]  # fmt: skip
     assert "grip" in registry.names("task")
+
+
+def test_a_generator_of_a_plugin_is_guarded_until_its_end(registry: Registry) -> None:
+    def checks() -> Generator[int]:
+        yield 1
+        raise RuntimeError("boom")
+
+    registry.add(Planners("theirs"), Source("their-dist:mine"))
+    with pytest.raises(PluginError, match=r"planner 'theirs' .*: RuntimeError: boom"):
+        guarded("planner", registry.find("planner", "theirs"), checks)
+
+
+@pytest.mark.parametrize(("kind", "error"), [("command", SystemExit), ("planner", PluginError)])
+def test_only_commands_exit(registry: Registry, kind: str, error: type[BaseException]) -> None:
+    registry.add(Planners("theirs"), Source("their-dist:mine"))
+    with pytest.raises(error):
+        guarded(kind, registry.find("planner", "theirs"), sys.exit, 0)

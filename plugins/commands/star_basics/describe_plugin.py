@@ -40,13 +40,14 @@ def _usage(kind: str, plugin: Found) -> str:
     if kind == "run_option":
         value = f" {plugin.offer.metavar}" if plugin.offer.metavar else ""
         return f"Example: star run MISSION --{name}{value}"
+    required = dict.fromkeys(schema.get("required", ()), "...")
     if kind == "task":
-        example = flow(next(iter(schema.get("examples", ())), {}))
+        example = flow(next(iter(schema.get("examples", ())), required))
         return f"Example: - {name}: {example}. All verbs also have: {', '.join(SHARED)}."
     if kind in PIPELINE_KINDS:
         defaults = {key: rules["default"] for key, rules in schema.get("properties", {}).items()
                  if isinstance(rules, dict) and rules.get("default") is not None}  # fmt: skip
-        some = dict(list(defaults.items())[:1])
+        some = required or dict(list(defaults.items())[:1])
         return f"Example: {kind}: {flow({'use': name} | some) if some else name}"
     return ""
 

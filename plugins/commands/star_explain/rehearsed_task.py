@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any, Final
+from typing import Any, Final, cast
 
 from star_core import Estimate, Goals, Health, StarError, Status, Task, TaskOutput
 from star_core.toolkit import Action, Outcome, RehearsedStep, step_timeout
@@ -75,12 +75,14 @@ class RehearsedTask:
 
     def step(self, estimate: Estimate, health: Health) -> TaskOutput:
         self.ended = estimate.time
-        output = TaskOutput(status=Status.SUCCESS)
+        output: Any = TaskOutput(status=Status.SUCCESS)
         if self._task is None or self._problem:
             self.running = False
-            return output
+            return cast("TaskOutput", output)
         with self._noted():
             output = self._task.step(estimate, health)
+        if not isinstance(output, TaskOutput):
+            return cast("TaskOutput", output)  # the executor refuses it
         if output.status is not Status.RUNNING:
             self._finish(output)
         elif self.ended - self.begun >= self._horizon - CLOCK_ERROR:

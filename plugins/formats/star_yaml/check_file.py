@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
+from typing import Any
 
-from star_core import InputError, Mission, Problem, Registry
+from star_core import InputError, Mission, PluginError, Problem, Registry
 from star_core.commands import guarded
 from star_core.formats import FileKindSpec, SourceFile
 from star_core.toolkit import actions
@@ -84,8 +85,17 @@ def _expected(mission: Mission, registry: Registry) -> Iterator[str]:
     for action in actions(mission.all_steps):
         plugin = registry.find("task", action.verb)
         if (expects := plugin.offer.expects) is not None:
-            call = partial(expects, **action.options)
-            yield from guarded("task", plugin, call, mission.scene, action.rows)
+            call = partial(_texts, expects, **action.options)
+            try:
+                yield from guarded("task", plugin, call, mission.scene, action.rows)
+            except PluginError as error:
+                problem = Problem(action.at, error.message, error.code)
+                raise InputError(mission.file.located([problem])) from error
+
+
+def _texts(expects: Callable[..., Iterable[str]], *arguments: Any, **options: Any) -> list[str]:
+    """Return what a plugin expects, inside of the guard that names it."""
+    return list(expects(*arguments, **options))
 
 
 def _steps(document: Document, registry: Registry) -> str:

@@ -119,6 +119,15 @@ def test_left_out_plugins_are_listed_last_with_the_reason() -> None:
 # One plugin
 
 
+def test_an_example_has_the_options_that_are_required() -> None:
+    options = {"properties": {"share": {"default": 1}, "of": {}}, "required": ["of"]}
+    plugins = registry({"shy": options}, {"bow": options})
+    ((kind, shy),) = chosen(plugins, "shy")
+    assert "Example: avoider: {use: shy, of: ...}" in describe(kind, shy)
+    ((kind, bow),) = chosen(plugins, "bow")
+    assert "Example: - bow: {of: ...}." in describe(kind, bow)
+
+
 @pytest.mark.parametrize(
     ("rules", "shown"),
     [
