@@ -113,14 +113,14 @@ class Observers:
 
     def _drop(self, plugin: str, hook: str, error: BaseException) -> None:
         log.debug("observer %s raised", plugin, exc_info=error)
-        why = f"{hook} raised {type(error).__name__}: {error}"
+        why = " ".join(f"{hook} raised {type(error).__name__}: {error}".split())  # on one line
         log.warning("observer %s is dropped for this flight: %s", plugin, why)
         self._manager.remove(plugin)
         self.event("observer", f"{plugin} is dropped: {why}")
 
 
 def _measures(measures: Mapping[str, Any], taken: Iterable[str]) -> dict[str, Any]:
-    """Return what a plugin measured, as JSON.
+    """Return what a plugin measured, as JSON: as `summary.json` has it.
 
     Args:
         measures: By the keys of the summary.
@@ -129,11 +129,12 @@ def _measures(measures: Mapping[str, Any], taken: Iterable[str]) -> dict[str, An
     Raises:
         ContractError: A key is taken, or a value is not JSON.
     """
+    measured: dict[str, Any] = {}
     for key, value in dict(measures).items():
         if key in taken:
             raise ContractError(f"the summary has a key {key!r} already")
         try:
-            json.dumps({key: value}, allow_nan=False)
+            measured |= json.loads(json.dumps({key: value}, allow_nan=False))
         except (TypeError, ValueError, RecursionError) as error:
             raise ContractError(f"{key} is not JSON: {error}") from error
-    return dict(measures)
+    return measured

@@ -82,6 +82,14 @@ def test_observers_that_raise_are_dropped_and_the_flight_goes_on(
     assert logged == [f"observer its-dist:watch is dropped for this flight: {why}"]
 
 
+def test_why_an_observer_is_dropped_is_one_line(lab: Lab) -> None:
+    watched(lab, Watcher("star_ticked", RuntimeError("too\nlong")))
+    lab.fly()
+    assert lab.said("observer") == [
+        "its-dist:watch is dropped: star_ticked raised RuntimeError: too long"
+    ]
+
+
 def test_the_others_receive_what_an_observer_raised_at(lab: Lab) -> None:
     before, after = Watcher(), Watcher()
     watched(lab, before, "before")
@@ -308,6 +316,11 @@ def test_an_observer_with_a_wrong_measure_is_named(lab: Lab, measure: Any, why: 
     assert text.startswith(f"its-dist:watch is dropped: star_summary raised {why}")
     assert summary["events"][-1]["text"] == text
     assert json.loads(json.dumps(summary, allow_nan=False)) == summary
+
+
+def test_a_measure_is_returned_as_the_record_has_it(lab: Lab) -> None:
+    watched(lab, Counter({"figure": {3: (1, 2)}}))
+    assert lab.fly()["figure"] == {"3": [1, 2]}
 
 
 def test_of_two_observers_with_one_key_the_second_is_named(lab: Lab) -> None:
