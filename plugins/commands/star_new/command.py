@@ -29,7 +29,7 @@ LINE: Final = {  # of the mission that flies a new plugin
 STEP: Final = "  - goto: {agents: cf1, by: [0.5, 0.5, 0]}"
 
 
-def run(options: argparse.Namespace, _registry: Registry) -> int:
+def run(options: argparse.Namespace, registry: Registry) -> int:
     """Write the files and return the exit status, 0.
 
     Raises:
@@ -41,6 +41,11 @@ def run(options: argparse.Namespace, _registry: Registry) -> int:
         raise InputError(text, "invalid-name")
     if options.what == "plugin" and options.kind is None:
         raise InputError(f"--kind: expected one of: {', '.join(KINDS)}", "missing-option")
+    if options.what == "plugin" and any(
+        plugin.source.own and plugin.offer.name == name for _, plugin in registry
+    ):
+        text = f"{name!r}: STAR has a plugin of that name itself; choose another name"
+        raise InputError(text, "duplicate-name")
     files = _files(options.what, name, options.kind)
     content = {Path(path): text for path, text in files}
     for path in content:

@@ -107,6 +107,12 @@ def test_names_that_nothing_can_have_are_refused(
     assert not list(tmp_path.iterdir())
 
 
+def test_a_plugin_of_star_is_not_made_again(tmp_path: Path, capsys: Printed) -> None:
+    assert main(["new", "plugin", "orca", "--kind", "avoider"]) == 2
+    assert capsys.readouterr().err.endswith("choose another name [duplicate-name]\n")
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_plugin_needs_a_kind(capsys: Printed) -> None:
     assert main(["new", "plugin", "mine"]) == 2
     assert "[missing-option]" in capsys.readouterr().err
