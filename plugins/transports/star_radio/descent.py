@@ -27,7 +27,6 @@ SETTLING_TIME: Final = 2.0  # s that an agent may take to come to rest
 LOW: Final = 0.15  # m: an agent below lands at once
 MAX_REPORT_AGE: Final = 0.5  # s: an agent that is not heard for longer lands at once
 MAX_WAIT: Final = 10.0  # s: after it all agents land
-MIN_TIME: Final = 2.0  # s: a take-off that was commanded last may begin so late
 
 
 class Descent:
@@ -40,7 +39,6 @@ class Descent:
 
     Attributes:
         over: Whether all agents are down.
-        begins: Whether a take-off that was commanded last may yet begin.
     """
 
     def __init__(
@@ -56,7 +54,6 @@ class Descent:
         self._waiting: set[int] = set()  # rows whose positions are not free
         self._aside: dict[int, Array] = {}  # (2,) positions to land at, m, by row
         self.over = False
-        self.begins = True
 
     def step(self, now: float, telemetry: Telemetry, to_map: Transform) -> Setpoint:
         """Command the landings that are possible; return setpoints, in odometry frames.
@@ -148,8 +145,7 @@ class Descent:
 
     def _end(self, passed: float, up: Mask) -> None:
         """Determine whether the landings are over."""
-        self.begins = passed < MIN_TIME
-        if not (self.over or self.begins or up.any()):
+        if not (self.over or up.any()):
             self.over = True
             if fallen := self._radio.assumed_down():
                 self._report(self._radio.describe(fallen))

@@ -246,10 +246,10 @@ class Guardian:
         return np.flatnonzero(self._radio.aloft()).tolist()
 
     def _is_landing(self) -> bool:
-        """Whether agents that are heard may be in the air, or a take-off may yet begin."""
+        """Whether agents that are heard may be in the air."""
         if self._descent is None or self._descent.over:
             return False
-        return bool((self._radio.aloft() & self._radio.heard()).any()) or self._descent.begins
+        return bool((self._radio.aloft() & self._radio.heard()).any())
 
     def _watch(self, now: float) -> None:
         """Fly the agents if the flight does not."""
