@@ -143,9 +143,12 @@ class Answers:
                 self._open.remove(question)
 
     def forget(self, topic: str) -> None:
-        """Drop the questions whose topics begin with `topic`."""
+        """Drop the questions whose topics begin with `topic`, and their answers."""
         with self._lock:
-            self._open = [each for each in self._open if not each.topic.startswith(topic)]
+            self._open, self._ended = (
+                [each for each in questions if not each.topic.startswith(topic)]
+                for questions in (self._open, self._ended)
+            )
 
     def take(self, port: tuple[int, int], payload: bytes) -> bool:
         """Match a packet to the oldest question it answers; return whether there was one."""

@@ -271,6 +271,15 @@ def test_a_newer_order_replaces_one_that_is_not_confirmed(drone: Peer, radio: Ra
     assert [payload[0] for payload in drone.ordered] == [7, 8]
 
 
+def test_the_answer_to_an_order_that_was_replaced_is_dropped(drone: Peer, radio: Radio) -> None:
+    drone.errors[8] = [5]
+    vehicle = radio.vehicles[0]
+    vehicle.land()
+    assert drone.until(lambda: drone.ordered)
+    vehicle.land()
+    assert vehicle.retry(time.monotonic()) == []
+
+
 @pytest.mark.usefixtures("soon")
 @pytest.mark.parametrize(
     ("error", "words"),
