@@ -48,6 +48,7 @@ class GroundEvidence:
     was lost at the beginning.
 
     Attributes:
+        land_until: (N,) planned end of each agent's last landing, s.
         steered_seen: (N,) whether a report showed that setpoints flew each agent, since it was last
             commanded to fly on board.
     """
@@ -61,7 +62,7 @@ class GroundEvidence:
         self._lands = np.zeros(n, np.bool_)  # whether the last command was to land
         self._stops = np.zeros(n, np.bool_)  # whether it was to stop the motors
         self._top = np.full(n, np.nan)  # m, greatest height since it was commanded to land
-        self._land_until = np.full(n, -np.inf)  # s, planned end
+        self.land_until = np.full(n, -np.inf)  # s, planned end
         self._landing_seen = np.zeros(n, np.bool_)
         self._steered_since = np.full(n, np.inf)  # s, first setpoint since the last command
         self._steered_at = np.full(n, -np.inf)  # s, last setpoint
@@ -87,7 +88,7 @@ class GroundEvidence:
             self._valid_from[rows] = time + TAKEOFF_DELAY
         elif order is Order.LAND:
             self._top[rows] = self._height[rows]
-            self._land_until[rows] = until
+            self.land_until[rows] = until
 
     def observe(self, time: float, telemetry: Telemetry) -> None:
         """Note the reports of a tick at a time, s."""
@@ -111,7 +112,8 @@ class GroundEvidence:
 
     def down(self, time: float) -> Mask:
         """Return which agents are known to be on the ground at a time, s: (N,)."""
-        low = (self._state & FINISHED != 0) & (self._height < LANDED_HEIGHT) & self._lands
+        landed = self._state & (ACTIVE | FINISHED) == FINISHED  # otherwise its motors are on
+        low = landed & (self._height < LANDED_HEIGHT) & self._lands
         reports = (self._state & FLYING == 0) | (self._state & FALLEN != 0) | low
         reports &= self._reported >= self._valid_from
         down: Mask = ~self._flew | reports | self.assumed_down(time)
@@ -143,10 +145,10 @@ class GroundEvidence:
     def _stopped(self, time: float) -> Mask:
         """Return which agents' watchdogs have stopped their motors if they hear nothing: (N,)."""
         stopped = self.steered_seen & (time >= self._steered_at + WATCHDOG_TIME + FALL_TIME)
-        over: Mask = stopped & (~self._lands | (time >= self._land_until))
+        over: Mask = stopped & (~self._lands | (time >= self.land_until))
         return over
 
     def _landed(self, time: float) -> Mask:
         """Return which agents have ended a landing that was seen to begin: (N,)."""
-        landed: Mask = self._landing_seen & (time >= self._land_until + LANDING_DELAY)
+        landed: Mask = self._landing_seen & (time >= self.land_until + LANDING_DELAY)
         return landed

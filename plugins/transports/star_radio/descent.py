@@ -54,6 +54,7 @@ class Descent:
         self._waiting: set[int] = set()  # rows whose positions are not free
         self._aside: dict[int, Array] = {}  # (2,) positions to land at, m, by row
         self.over = False
+        radio.cancel(range(len(self._vehicles)))
 
     def step(self, now: float, telemetry: Telemetry, to_map: Transform) -> Setpoint:
         """Command the landings that are possible; return setpoints, in odometry frames.

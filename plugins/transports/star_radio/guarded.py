@@ -21,7 +21,6 @@ from star_core import (
     PluginError,
     Scene,
     Setpoint,
-    Supervisor,
     Telemetry,
     Trajectory,
     Transform,
@@ -31,8 +30,8 @@ from star_core.toolkit import Progress, on_terminal, python_process, shortlist
 from star_core.toolkit import log as write
 from star_radio import rescue
 from star_radio.options import RadioOptions
+from star_radio.report import flying
 from star_radio.sensors import Sensors, connecting
-from star_radio.vehicle import LANDED_HEIGHT
 
 log = logging.getLogger(__name__)
 
@@ -250,11 +249,7 @@ class GuardedRadio:
         if telemetry is None:
             return []
         height = telemetry.position[:, 2]
-        commander = telemetry.state & int(
-            Supervisor.COMMANDER_ACTIVE | Supervisor.COMMANDER_FINISHED
-        )
-        landed = (commander == Supervisor.COMMANDER_FINISHED) & (height < LANDED_HEIGHT)
-        flies = (telemetry.state & int(Supervisor.FLYING) != 0) & ~landed
+        flies = flying(telemetry.state, height)
         flies |= time.monotonic() - self._taken_off < LAST_TAKEOFF
         agents = self._scene.agents
         return [

@@ -17,7 +17,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from star_core import Array, PluginError
+from star_core import Array, Mask, PluginError, Rows, Supervisor
 from star_radio.connection import packets
 from star_radio.connection.tables import Table
 
@@ -119,6 +119,28 @@ class Layout:
             packets.log_variable(source.kind, table[source.name].number)
             for _column, source in self._reported
         )
+
+
+LANDED_HEIGHT: Final = 0.1  # m: a drone below it that has finished its plan is on the ground
+_FLYING: Final = int(Supervisor.FLYING)
+_FINISHED: Final = int(Supervisor.COMMANDER_FINISHED)
+_COMMANDER: Final = int(Supervisor.COMMANDER_ACTIVE) | _FINISHED
+
+
+def flying(state: int | Rows, height: float | Array) -> Mask:
+    """Return which drones fly, or stand with their motors on, by their newest reports.
+
+    A drone that has landed reports to fly for another 2 s: low, with a finished plan and no active
+    one. At an unknown height it may hover.
+
+    Args:
+        state: Bits of `Supervisor`.
+        height: In the odometry frame, m; NaN if unknown.
+    """
+    state, height = np.asarray(state), np.asarray(height)
+    landed = (state & _COMMANDER == _FINISHED) & (height < LANDED_HEIGHT)
+    flies: Mask = (state & _FLYING != 0) & ~landed
+    return flies
 
 
 def stamp(payload: bytes) -> int:

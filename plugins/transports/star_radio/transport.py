@@ -129,7 +129,7 @@ class Radio:
         self._refusals: list[Refusal] = []
         self._telemetry = TelemetryBuffer(self.vehicles, in_map=scene.reports_in_map)
         self._ground = GroundEvidence(len(self.vehicles))
-        self.landings = Landings(self.vehicles, self._ground)
+        self.landings = Landings(self.vehicles, self._ground, self.cancel)
         self.began: float | None = None
         self._kept_alive = -np.inf  # s, last reset of the watchdog
         self.progress = connecting(len(self.vehicles), self.settling)
@@ -285,9 +285,7 @@ class Radio:
             for _i, row in rows:
                 self.vehicles[row].arm()
             return
-        self._awaiting_start.difference_update(command.agent.tolist())
-        self._takeoffs.drop(command.agent.tolist())
-        self._telemetry.over_at[command.agent] = np.inf
+        self.cancel(command.agent.tolist())
         if command.order in {Order.TAKEOFF, Order.GOTO, Order.FOLLOW}:
             self._telemetry.lands_by[command.agent] = np.inf
         if command.trajectory is not None:
@@ -307,6 +305,15 @@ class Radio:
                 self._takeoffs.prepare(climbs, now)
                 return
         self._give(command.order, packets)
+
+    def cancel(self, rows: Sequence[int]) -> None:
+        """Forget what drones were commanded to fly: a take-off that has not begun does not begin.
+
+        What a drone flies already it goes on flying, until another command takes over.
+        """
+        self._awaiting_start.difference_update(rows)
+        self._takeoffs.drop(rows)
+        self._telemetry.over_at[rows] = np.inf
 
     def _await_trajectory(self, row: int, trajectory: Trajectory, duration: float) -> None:
         """Expect a drone to start a trajectory of `duration`, s."""
@@ -368,9 +375,13 @@ class Radio:
         if climbs:
             packets = {row: starts.get(row, climb.order) for row, climb in climbs.items()}
             self._give(Order.TAKEOFF, packets)
-        for row in self._takeoffs.missed(now):
+        missed = self._takeoffs.missed(now)
+        for row in missed:
             packet = profiles.start(self.vehicles[row].version)
             self.vehicles[row].order(packet, COMMANDS[Order.TAKEOFF], once=True)
+        if begun := [*climbs, *missed]:
+            until = np.full(len(begun), now)
+            self._ground.commanded(now, Order.TAKEOFF, np.array(begun), until)
 
     def set_parameters(self, rows: Sequence[int], values: Mapping[str, float]) -> None:
         """Set parameters of the connected agents, and repeat that until it is confirmed."""
@@ -425,6 +436,7 @@ class Radio:
         Without a guardian, which does that otherwise, it waits until they are down: at most
         `LANDING_TIME`, and `UNHEARD_TIME` for drones that are not heard.
         """
+        self.cancel(range(len(self.vehicles)))
         try:
             for row, vehicle in enumerate(self.vehicles):
                 if vehicle.airborne and not vehicle.lands:

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 from typing import Final, NamedTuple
 
-from star_core import PluginError, Supervisor, Trajectory
+from star_core import PluginError, Trajectory
 from star_radio import orders, profiles
 from star_radio.connection import log_blocks, packets
 from star_radio.connection.estimator import ConvergenceWait, EstimatorNoise, reset_estimator
@@ -18,7 +18,7 @@ from star_radio.connection.tables import Table, Tables, read_now, set_now, setti
 from star_radio.extra_reports import ACCELEROMETER, POSITION_VARIANCE, ExtraReports
 from star_radio.handover import Handover, Repeat
 from star_radio.options import RadioOptions
-from star_radio.report import Layout
+from star_radio.report import Layout, flying
 from star_radio.report_stream import ReportStream
 from star_radio.trajectories import upload
 
@@ -30,7 +30,6 @@ LINK_LOST_TIMEOUT: Final = 1.0  # s without a report, after which a drone may be
 LAST_ORDER_TIMEOUT: Final = 2.0  # s, for which closing waits for a landing or stop to be confirmed
 LOST_ORDER_TIMEOUT: Final = 0.5  # s, the same for a drone that may be unreachable
 CLOSING_POLL_PERIOD: Final = 0.02  # s, between checks whether the last commands are confirmed
-LANDED_HEIGHT: Final = 0.1  # m: a drone below it that has finished its plan is on the ground
 LAND_DEPTH: Final = 0.15  # m below the floor, at which a landing ends: see `landing`
 MIN_LAND_TIME: Final = 3.0  # s, of the landing on closing
 LAND_TIME_PER_HEIGHT: Final = 3.0  # s/m
@@ -310,7 +309,8 @@ class Vehicle:
         A drone whose motors were stopped is not: although it reports to be flying for another 2 s,
         a landing would restart them.
         """
-        return not self.stopped and (self.steered or self._flies())
+        _heard, height, state = self.stream.newest
+        return not self.stopped and (self.steered or bool(flying(state, height)))
 
     @property
     def repeats(self) -> bool:
@@ -434,13 +434,6 @@ class Vehicle:
                 self.link.forget("order")
                 self._order, self.steered_at = None, now
                 self.link.steer(orders.velocity((0.0, 0.0, 0.0), 0.0, self.version))
-
-    def _flies(self) -> bool:
-        """Whether the drone flies by its newest report, or stands with its motors on."""
-        _heard, height, state = self.stream.newest
-        commander = Supervisor.COMMANDER_ACTIVE | Supervisor.COMMANDER_FINISHED
-        over = state & commander == Supervisor.COMMANDER_FINISHED  # a landing, or setpoints fly it
-        return bool(state & Supervisor.FLYING) and not (over and not height > LANDED_HEIGHT)
 
     def _ask(self, questions: Sequence[Question]) -> list[bytes]:
         """Ask questions, blocking; for connecting and uploading."""

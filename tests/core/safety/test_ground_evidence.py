@@ -151,6 +151,12 @@ def test_reports_show_that_an_agent_has_landed(hovering: Agent) -> None:
     assert hovering.down
 
 
+def test_an_agent_on_the_floor_with_its_motors_on_is_not_down(hovering: Agent) -> None:
+    hovering.order(Order.LAND)
+    hovering.report(HOVERS, 0.01)  # its commander brought it down by itself
+    assert not hovering.down
+
+
 def test_an_order_to_stop_is_no_evidence_that_the_motors_stopped(hovering: Agent) -> None:
     hovering.order(Order.STOP)
     assert hovering.evidence.stop_unconfirmed(hovering.time).all()

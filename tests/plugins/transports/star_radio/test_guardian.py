@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 from collections import deque
-from collections.abc import Iterator
-from contextlib import closing
+from collections.abc import Iterator, Sequence
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -15,11 +15,13 @@ import pytest
 from star_core import Array, Command, Obstacle, Order, Setpoint, Supervisor, Transform
 from star_core.testing import scene
 from star_fleet.link_faults import LinkFaults
+from star_fleet.packet import Port
 from star_radio.guarded import Answer
 from star_radio.guardian import Guardian, Lines
 from star_radio.options import RadioOptions
+from star_radio.report import Layout, Z
 from star_radio.transport import Radio
-from tests.end_to_end.virtual_air import MAX_IMPACT, ON_FLOOR, Air
+from tests.end_to_end.virtual_air import MAX_IMPACT, ON_FLOOR, START_TRAJECTORY, TAKEOFF, Air
 from tests.plugins.transports.star_radio.conftest import options
 from tests.plugins.transports.star_radio.virtual import virtual
 
@@ -35,14 +37,14 @@ class Flight:
         guardian: Serves the messages of `post` and `call`.
     """
 
-    def __init__(self, folder: Path, air: Air, agents: Any) -> None:
+    def __init__(self, folder: Path, air: Air, agents: Any, **how: Any) -> None:
         self.air = air
         self._posted: deque[tuple[int | None, str, Any]] = deque()
         self._answers: list[Answer] = []
         self._closed = False
         self._tick = 0
         room = dataclasses.replace(scene(len(agents)), agents=agents, realtime=True)
-        self.radio = Radio(room, RadioOptions(**options(cache=str(folder), guardian=True)))
+        self.radio = Radio(room, RadioOptions(**options(cache=str(folder), guardian=True, **how)))
         self.radio.connect()
         self.guardian = Guardian(room, self.radio, self, Lines())  # type: ignore[arg-type]
         self.post("record_in", folder)
@@ -143,9 +145,11 @@ def frames(starts: Array) -> Transform:
     return Transform(np.zeros(len(starts)), starts)
 
 
-@pytest.fixture
-def flight(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Flight]:
-    starts = getattr(request, "param", STARTS)
+@contextmanager
+def opened(
+    folder: Path, starts: Sequence[tuple[float, float, float]], **how: Any
+) -> Iterator[Flight]:
+    """Open the links of drones that stand at some positions."""
     room = scene(len(starts))
     agents = tuple(
         dataclasses.replace(agent, start=start, yaw=0.0, uri=f"udp://air:{row + 1}")
@@ -153,7 +157,20 @@ def flight(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Flight]:
     )
     air = Air(dataclasses.replace(room, agents=agents), noise=False)
     with virtual(air), closing(air.fleet):
-        yield Flight(tmp_path, air, agents)
+        yield Flight(folder, air, agents, **how)
+
+
+@pytest.fixture
+def flight(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Flight]:
+    with opened(tmp_path, getattr(request, "param", STARTS)) as flight:
+        yield flight
+
+
+@pytest.fixture
+def bounded(tmp_path: Path) -> Iterator[Flight]:
+    """Drones whose take-offs come down by themselves."""
+    with opened(tmp_path, STARTS, descent=True) as flight:
+        yield flight
 
 
 def log(folder: Path) -> str:
@@ -242,6 +259,42 @@ def test_agents_land_if_takeoff_arrives_after_the_flight_ended(flight: Flight) -
     assert not (flight.air.fleet._info & int(Supervisor.FLYING)).any()
 
 
+@pytest.mark.parametrize("lost", [0, 1])
+def test_no_takeoff_begins_after_the_flight_ended(bounded: Flight, lost: int) -> None:
+    bounded.tick()
+    for row in range(lost):
+        bounded.cut(row, 0.5)
+    bounded.order(Order.TAKEOFF, np.tile([0.0, 0.0, 0.5], (3, 1)))
+    bounded.die()
+    bounded.air.sleep(3.0)
+    assert not bounded.fallen
+    assert TAKEOFF not in bounded.air.ordered
+    assert not (bounded.air.fleet._info & int(Supervisor.FLYING)).any()
+
+
+def test_agents_land_whose_take_off_began_late(bounded: Flight) -> None:
+    """Earlier commands to start were lost; the last one arrives after the flight has ended."""
+    bounded.tick()
+    air, began, carry = bounded.air, bounded.air.now, bounded.air.carry
+
+    def carried(uri: str, packet: bytes) -> None:
+        if packet[0] >> 4 != Port.HIGH_LEVEL or packet[1] != START_TRAJECTORY:
+            carry(uri, packet)
+        elif air.now > began + 1.8:
+            bounded._closed = True
+            air.later(0.4, lambda: carry(uri, packet))
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(air, "carry", carried)
+        bounded.order(Order.TAKEOFF, np.tile([0.0, 0.0, 0.5], (3, 1)))
+        while not bounded._closed:
+            bounded.tick()
+        bounded.die()
+        air.sleep(3.0)
+    assert not bounded.fallen
+    assert not (air.fleet._info & int(Supervisor.FLYING)).any()
+
+
 def test_nothing_moves_when_a_flight_ends_on_the_ground(flight: Flight, tmp_path: Path) -> None:
     flight.fly(0.5)
     flight.silence(3.0)
@@ -328,6 +381,36 @@ def test_guardian_lands_a_drone_whose_link_returns_much_later(
     assert "cf2 hovers: it is commanded to land again" in log(tmp_path)
     assert log(tmp_path).endswith(" s\n")
     assert "all agents have landed, after 1" in log(tmp_path)
+
+
+@pytest.mark.parametrize("seconds", [6.0, 12.0])
+def test_motors_stop_of_a_drone_that_came_down_unheard(bounded: Flight, seconds: float) -> None:
+    bounded.lose_in_take_off(seconds)
+    bounded.fly(2.0)
+    bounded.die()
+    assert not bounded.fallen
+    assert (bounded.air.drones["mode"] == 0).all()
+
+
+def test_drones_of_unknown_height_land_and_stop_their_motors(
+    flight: Flight, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    read = Layout.read
+
+    def unknown(layout: Layout, payloads: Sequence[bytes]) -> Array:
+        values = read(layout, payloads)
+        values[:, Z] = np.nan
+        return values
+
+    flight.guardian._landing_timeout = 20.0
+    flight.take_off(0.4, 0.5, 0.6)
+    monkeypatch.setattr(Layout, "read", unknown)
+    died = flight.air.now
+    flight.die()
+    assert flight.air.now < died + 8.0
+    assert not flight.fallen
+    assert (flight.air.drones["mode"] == 0).all()
+    assert caplog.text == ""
 
 
 def test_closing_does_not_wait_for_a_link_and_the_guardian_stays(flight: Flight) -> None:

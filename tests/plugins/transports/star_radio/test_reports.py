@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from star_core import Frames
+from star_core import Frames, Supervisor
 from star_fleet.variables import VARIABLES
 from star_radio.connection.link import Link
 from star_radio.connection.tables import Entry
-from star_radio.report import BLOCK, Layout
+from star_radio.report import BLOCK, Layout, flying
 from star_radio.telemetry import TelemetryBuffer
 from star_radio.vehicle import Vehicle
 
@@ -31,3 +31,22 @@ def test_values_that_are_no_numbers_are_unknown(bits: int) -> None:
     telemetry = TelemetryBuffer([vehicle]).gather(0.0, Frames.none())
     assert np.isnan(telemetry.attitude).all()
     assert np.isfinite(telemetry.position).all()
+
+
+@pytest.mark.parametrize(
+    ("commander", "height", "flies"),
+    [
+        (Supervisor(0), 0.0, True),  # it begins to climb
+        (Supervisor.COMMANDER_FINISHED, 0.05, False),  # it has landed
+        (Supervisor.COMMANDER_FINISHED, 0.5, True),
+        (Supervisor.COMMANDER_FINISHED, np.nan, True),
+        (Supervisor.COMMANDER_ACTIVE, np.nan, True),
+        (Supervisor.COMMANDER_ACTIVE | Supervisor.COMMANDER_FINISHED, 0.0, True),
+    ],
+)
+def test_a_drone_flies_unless_it_is_low_and_finished(
+    commander: Supervisor, height: float, *, flies: bool
+) -> None:
+    state = int(Supervisor.FLYING | commander)
+    assert flying(state, height) == flies
+    assert flying(np.array([state, int(commander)]), np.full(2, height)).tolist() == [flies, False]
