@@ -14,6 +14,7 @@ from star_verbs.step_agents import StepAgents, import_assignment
 MIN_DURATION: Final = 1.0  # s
 MAX_HEIGHT_ERROR: Final = 0.15  # m: at which an agent has taken off
 AIRBORNE: Final = (AgentPhase.TAKING_OFF, AgentPhase.FLYING, AgentPhase.LANDING)
+UP: Final = (*AIRBORNE, AgentPhase.LOST)
 CLEARANCE: Final = 0.5  # m: least horizontal distance of flying agents from one that joins
 
 
@@ -84,13 +85,10 @@ class Join(Takeoff):
     ) -> None:
         super().__init__(scene, rows, height=height, speed=speed)
         self._battery = battery
-        self._ready = False
 
     def step(self, estimate: Estimate, health: Health) -> TaskOutput:
-        if not self._ready:
-            if fault := self._fault(estimate, health):
-                return TaskOutput(status=Status.FAILURE, reason=fault)
-            self._ready = True
+        if self._goals is None and (fault := self._fault(estimate, health)):
+            return TaskOutput(status=Status.FAILURE, reason=fault)
         return super().step(estimate, health)
 
     def _fault(self, estimate: Estimate, health: Health) -> str:
@@ -104,9 +102,8 @@ class Join(Takeoff):
                     f"the battery of {name} is at {voltage:.2f} V, {self._battery:g} V needed"
                 )
             offset = estimate.position - estimate.position[row]
-            above = (np.hypot(*offset[:, :2].T) < CLEARANCE) & (
-                estimate.position[:, 2] > estimate.position[row, 2] + CLEARANCE
-            )
+            above = np.isin(health.phase, UP) & (offset[:, 2] > 0.0)
+            above &= np.hypot(*offset[:, :2].T) < CLEARANCE
             if above.any():
                 faults.append(f"{scene.named(np.flatnonzero(above).tolist())} is above {name}")
         return shortlist(faults, "; ")

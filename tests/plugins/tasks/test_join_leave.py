@@ -31,10 +31,11 @@ GROUND = np.array([[-1.0, 0.0, 0.0], [0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
 GROUNDED = AgentPhase.GROUNDED
 
 
-def joins(where: Any = GROUND, volt: float = 4.1) -> Any:
+def joins(where: Any = GROUND, volt: float = 4.1, second: AgentPhase = AgentPhase.GROUNDED) -> Any:
     """Output of the first agent's join."""
     task = make("join", scene(3), (0,), battery=3.8)
-    well = replace(health(3, GROUNDED), battery=np.array([volt, 4.0, 4.0]))
+    phase = np.array([GROUNDED, second, GROUNDED])
+    well = replace(health(3, GROUNDED), phase=phase, battery=np.array([volt, 4.0, 4.0]))
     task.begin(estimate(GROUND), well)
     return task.step(estimate(np.array(where)), well)
 
@@ -95,9 +96,29 @@ def test_unheard_agents_do_not_join_and_the_others_land(tmp_path: Path) -> None:
     assert summary["path_length_m"]["per_agent"]["cf2"] < 0.05
 
 
-def test_no_agent_takes_off_under_another() -> None:
-    step = joins([[-1.0, 0.0, 0.0], [-0.8, 0.0, 1.0], [1.0, 0.0, 0.0]])
+@pytest.mark.parametrize("height", [0.2, 1.0])
+@pytest.mark.parametrize("phase", [AgentPhase.FLYING, AgentPhase.LANDING, AgentPhase.LOST])
+def test_no_agent_takes_off_under_another(height: float, phase: AgentPhase) -> None:
+    step = joins([[-1.0, 0.0, 0.0], [-0.8, 0.0, height], [1.0, 0.0, 0.0]], second=phase)
     assert (step.status, step.reason) == (Status.FAILURE, "cf2 is above cf1")
+
+
+def test_an_agent_on_the_ground_keeps_no_other_from_joining() -> None:
+    step = joins([[-1.0, 0.0, 0.0], [-0.8, 0.0, 0.05], [1.0, 0.0, 0.0]])
+    assert step.commands[0].order is Order.TAKEOFF
+
+
+def test_no_agent_joins_under_another_as_it_is_located() -> None:
+    task = make("join", scene(3), (0,), battery=3.8)
+    well = replace(health(3, GROUNDED), battery=np.full(3, 4.1))
+    well = replace(well, phase=np.array([GROUNDED, AgentPhase.FLYING, GROUNDED]))
+    task.begin(estimate(GROUND), well)
+    under = estimate(np.array([[-1.0, 0.0, 0.0], [-0.8, 0.0, 1.0], [1.0, 0.0, 0.0]]))
+    position = under.position.copy()
+    position[0] = np.nan
+    lost = replace(under, position=position, valid=np.array([False, True, True]))
+    assert task.step(lost, well).status is Status.RUNNING
+    assert task.step(under, well).reason == "cf2 is above cf1"
 
 
 def test_an_agent_that_leaves_flies_home_and_lands_there() -> None:
