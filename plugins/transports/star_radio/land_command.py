@@ -102,6 +102,7 @@ class Rescue:
         self._vehicles = [self._vehicle(row) for row in range(n)]
         self._problems = ["no answer"] * n  # why a drone is not reached
         self._reached = np.zeros(n, np.bool_)
+        self._lands = np.zeros(n, np.bool_)  # which were commanded to land
         self._height = np.full(n, np.nan)  # m, from which each is landed
         self._ground = GroundEvidence(n)
         self._landings = Landings(self._vehicles, self._ground)
@@ -131,7 +132,8 @@ class Rescue:
         telemetry = self._telemetry.gather(self._began, Frames.none())
         self._ground.observe(time.monotonic(), telemetry)
         for row in reached.tolist():
-            if self._vehicles[row].airborne and np.isnan(self._height[row]):
+            if self._vehicles[row].airborne and not self._lands[row]:
+                self._lands[row] = True
                 self._height[row] = height = float(telemetry.position[row, 2])
                 self._landings.land(row, height)
         self._landings.repeat(telemetry, self._reached & ~self._ground.down(now))
@@ -142,13 +144,14 @@ class Rescue:
         down, now = self._down(), time.monotonic()
         lines = []
         for row, name in enumerate(self._names):
-            flew = f"was flying at {self._height[row]:.2f} m"
+            height = self._height[row]
+            at = "an unknown height" if np.isnan(height) else f"{height:.2f} m"
             if not self._reached[row]:
                 what = f"not reached: {self._problems[row]}"
             elif not down[row]:
                 what = f"may be in the air: {self._ground.describe(row, now)}"
             else:
-                what = "on the floor" if np.isnan(self._height[row]) else f"landed, {flew}"
+                what = f"landed, was flying at {at}" if self._lands[row] else "on the floor"
             lines.append(f"{name}  {what}")
         return lines
 

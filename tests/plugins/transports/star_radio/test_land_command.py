@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import star_radio
-from star_core import InputError, Order
+from star_core import Array, InputError, Order
 from star_core.testing import scene
 from star_fleet.server import Fleet
+from star_radio.report import Layout, Z
 from star_radio.transport import Radio
 from tests.commands import command
 from tests.end_to_end.virtual_air import ON_FLOOR
@@ -69,6 +71,27 @@ def test_drones_that_were_abandoned_in_their_take_off_are_landed(
     assert not {(port, channel) for port, channel, _ in packets} & {
         (PARAMETER, WRITE), (SUPERVISOR, 1), (PLATFORM, 0), (SETPOINT, 0),
     }  # fmt: skip
+
+
+def test_a_drone_of_unknown_height_is_landed_once(
+    fleet: Fleet,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    read = Layout.read
+
+    def unknown(layout: Layout, payloads: Sequence[bytes]) -> Array:
+        values = read(layout, payloads)
+        values[:, Z] = np.nan
+        return values
+
+    abandon(fleet, tmp_path, [0])
+    monkeypatch.setattr(Layout, "read", unknown)
+    assert run([*fleet.addresses, "--timeout", "20"]) == 0
+    assert (fleet.simulator.drones["mode"] == 0).all()
+    line = f"{fleet.addresses[0]}  landed, was flying at an unknown height"
+    assert capsys.readouterr().out.splitlines()[0] == line
 
 
 def test_a_drone_that_is_not_reached_is_named(
