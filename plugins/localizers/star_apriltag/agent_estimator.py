@@ -122,10 +122,10 @@ class FilterEstimator:
         else:
             analysis = self._analyzer.analyze(report.image, prediction)
         measured = self._measure_floor(report.image, time, needed=not analysis.views)
-        if analysis.accepted:
-            self._relocation.forget()
         if analysis.views or measured:
             self.add_views(time, analysis.views, stamped=report.stamped)
+        if analysis.accepted:
+            self._relocation.forget()
         elif analysis.other is not None:
             tags = [landmark.tag for landmark in analysis.with_verdict(Verdict.ELSEWHERE)]
             sheets = frozenset(self._sheets[tag] for tag in tags)
