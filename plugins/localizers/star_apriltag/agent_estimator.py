@@ -14,7 +14,14 @@ from star_apriltag.dead_reckoning import AgentState, Z, predict, start
 from star_apriltag.floor_odometry import FloorOdometry
 from star_apriltag.joint_filter import Deviations, JointFilter
 from star_apriltag.odometry_track import OdometryTrack
-from star_apriltag.vision.body_pose import Motion, Prediction, Verdict, View
+from star_apriltag.vision.body_pose import (
+    MAX_SURPRISE,
+    Motion,
+    Prediction,
+    Verdict,
+    View,
+    surprise,
+)
 from star_apriltag.vision.image_analysis import ImageAnalysis, ImageAnalyzer
 from star_core import Agent, Array, Image, Odometry, Pose, Rows, Tag
 
@@ -89,6 +96,7 @@ class FilterEstimator:
         self._filter = JointFilter(start(agent), mounting, landmarks, self._ground, deviations)
         self._sheets = {tag.id: tag.of for tag in landmarks}
         self._relocation = Relocation(len(set(self._sheets.values())))
+        self._earlier: Earlier | None = None
         self.anchor = self._filter.anchor
 
     def at(self, time: float) -> AgentState:
@@ -105,6 +113,8 @@ class FilterEstimator:
         if end - self.anchor.time > ADVANCE_PERIOD:
             self._filter.advance(end, self.track)
             self.anchor = self._filter.anchor
+        if self._earlier is not None and end - self._earlier.filter.anchor.time > ADVANCE_PERIOD:
+            self._earlier.filter.advance(end, self.track)
 
     def add_image(self, report: CameraReport) -> tuple[ImageAnalysis, AgentState] | None:
         """Add an image; return its analysis and the predicted state at its exposure.
@@ -122,17 +132,81 @@ class FilterEstimator:
         else:
             analysis = self._analyzer.analyze(report.image, prediction)
         measured = self._measure_floor(report.image, time, needed=not analysis.views)
+        before = self._filter.copied()
         if analysis.views or measured:
             self.add_views(time, analysis.views, stamped=report.stamped)
         if analysis.accepted:
             self._relocation.forget()
+            self._compare(before, prediction, time, analysis)
         elif analysis.other is not None:
+            reverted = self._revert(time, analysis, stamped=report.stamped)
+            if reverted is not None:
+                log.info("the estimate before a jump is restored at %.2f s", time)
+                return reverted
             tags = [landmark.tag for landmark in analysis.with_verdict(Verdict.ELSEWHERE)]
             sheets = frozenset(self._sheets[tag] for tag in tags)
             claim = Claim(time, analysis.other.pose, analysis.other.covariance, sheets)
             if self._relocation.consider(claim, self.track):
                 log.info("an agent is relocated at %.2f s", time)
                 self.restart(claim.time, claim.pose, claim.covariance)
+        return analysis, state
+
+    def _compare(
+        self, before: JointFilter, prediction: Prediction, time: float, analysis: ImageAnalysis
+    ) -> None:
+        """Keep the filter before an image that moved the estimate farther than the gate is wide.
+
+        If that image was wrong, the gate rejects the correct ones after it. The filter is kept
+        until as many landmarks agree with the image as are required to relocate an agent.
+
+        Args:
+            before: The filter before the image.
+            prediction: By that filter.
+            time: Of the exposure, s.
+            analysis: Of the image.
+        """
+        after = _prediction(self.at(time), self._filter.camera_turn)
+        landmarks = frozenset(self._sheets[tag] for tag, _ in analysis.views)
+        earlier = self._earlier
+        if surprise(prediction.pose, 0.0, after.pose, after.covariance) > MAX_SURPRISE:
+            earlier = Earlier(before if earlier is None else earlier.filter, landmarks)
+        elif earlier is not None:
+            earlier = Earlier(earlier.filter, earlier.landmarks | landmarks)
+        confirmed = earlier is not None and len(earlier.landmarks) >= self._relocation.least
+        self._earlier = None if confirmed else earlier
+
+    def _revert(
+        self, time: float, analysis: ImageAnalysis, *, stamped: bool
+    ) -> tuple[ImageAnalysis, AgentState] | None:
+        """Return to the filter before a jump if consecutive images agree only with that one.
+
+        Args:
+            time: Of the exposure, s.
+            analysis: Of an image whose landmarks were all rejected.
+            stamped: Whether the image has a timestamp.
+
+        Returns:
+            The image's analysis by that filter, and the state that it predicted; else None.
+        """
+        if self._earlier is None or self._analyzer is None:
+            return None
+        earlier = self._earlier.filter
+        state = predict(earlier.anchor, time, self.track, self._ground)
+        tags = np.array([tag for tag, _, _ in analysis.detected])
+        corners = np.array([corners for _, corners, _ in analysis.detected])
+        prediction = _prediction(state, earlier.camera_turn)
+        analysis = self._analyzer.evaluate(tags, corners, prediction)
+        if not analysis.accepted:
+            return None
+        images = self._earlier.images + 1
+        if images < MIN_IMAGES:
+            self._earlier = self._earlier._replace(images=images)
+            return None
+        self._relocation.forget()
+        self._earlier = Earlier(earlier, frozenset(self._sheets[tag] for tag, _ in analysis.views))
+        self._filter = earlier.copied()
+        self.anchor = self._filter.anchor
+        self.add_views(time, analysis.views, stamped=stamped)
         return analysis, state
 
     def add_views(
@@ -154,6 +228,7 @@ class FilterEstimator:
         self._filter.advance(time, self.track)
         self._filter.move(pose, covariance)
         self.anchor = self._filter.anchor
+        self._earlier = None
 
     def _measure_floor(self, image: Image | None, time: float, *, needed: bool) -> bool:
         """Correct the odometry up to an image by the floor; return whether that was possible."""
@@ -192,6 +267,14 @@ MAX_TIME: Final = 6.0  # s between the first and the last
 MIN_LANDMARKS: Final = 2  # that must agree, if the map has more than one
 
 
+class Earlier(NamedTuple):
+    """The filter before an image that moved its estimate far, and may be wrong."""
+
+    filter: JointFilter
+    landmarks: frozenset[str]  # names of those that agree with the image
+    images: int = 0  # consecutive ones that agree with this filter only
+
+
 class Claim(NamedTuple):
     """Pose of the agent according to one image alone."""
 
@@ -209,10 +292,13 @@ class Relocation:
 
     Args:
         landmarks: Number of those of the map.
+
+    Attributes:
+        least: Number of landmarks that must agree.
     """
 
     def __init__(self, landmarks: int) -> None:
-        self._least = min(MIN_LANDMARKS, landmarks)
+        self.least = min(MIN_LANDMARKS, landmarks)
         self._claims: list[Claim] = []
 
     def forget(self) -> None:
@@ -231,7 +317,7 @@ class Relocation:
             self._claims = [old for old in self._claims if old is not same[0]]
         self._claims.append(claim)
         landmarks = frozenset[str]().union(*(claim.landmarks for claim in self._claims))
-        if len(self._claims) < MIN_IMAGES or len(landmarks) < self._least:
+        if len(self._claims) < MIN_IMAGES or len(landmarks) < self.least:
             return False
         self._claims.clear()
         return True

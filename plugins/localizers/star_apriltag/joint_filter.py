@@ -10,7 +10,8 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Iterable, Sequence
-from typing import Final, NamedTuple
+from copy import copy
+from typing import Final, NamedTuple, Self
 
 import numpy as np
 
@@ -113,6 +114,14 @@ class JointFilter:
         self._covariance[:STATES, :STATES] = start.covariance
         self.camera_turn: Array = np.eye(3)
         self.latency = 0.0
+
+    def copied(self) -> Self:
+        """Return a filter that continues from this state by itself."""
+        other = copy(self)
+        vars(other).update(
+            _rows=self._rows.copy(), _mean=self._mean.copy(), _covariance=self._covariance.copy()
+        )
+        return other
 
     @property
     def anchor(self) -> Anchor:
