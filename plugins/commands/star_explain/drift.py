@@ -186,7 +186,7 @@ def obstacle_problems(
     position. It touches the obstacle if the error towards it exceeds the rest.
     """
     scene, (_, position, airborne, std) = mission.scene, flight
-    base = kept_clearance(mission, registry, radius=True)
+    base = kept_clearance(mission, registry)
     margin = np.minimum(scene.limits.uncertainty_margin * std, MAX_MARGIN_RATIO * base)
     moving = np.linalg.norm(np.gradient(position, PERIOD, axis=0), axis=2) > MIN_SPEED
     kept = base + np.where(moving, margin, 0.0)

@@ -10,15 +10,15 @@ def kept_distance(mission: Mission) -> float:
     return max(mission.scene.limits.separation, 2.0 * option(mission, "avoider", "radius"))
 
 
-def kept_clearance(mission: Mission, registry: Registry, *, radius: bool = False) -> float:
+def kept_clearance(mission: Mission, registry: Registry) -> float:
     """Return the distance that planner or avoider keep to obstacles, m; 0 if neither does.
 
-    With `radius`, that of an avoider without a clearance counts as one.
+    An avoider without a clearance keeps its radius.
     """
     clearances = [0.0]
     for kind in ("planner", "avoider"):
         if registry.find(kind, mission.plugins[kind].use).offer.avoids_obstacles:
-            least = option(mission, kind, "radius") if radius and kind == "avoider" else 0.0
+            least = option(mission, kind, "radius") if kind == "avoider" else 0.0
             clearances.append(option(mission, kind, "clearance", least))
     return max(clearances)
 

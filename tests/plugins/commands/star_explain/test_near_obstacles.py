@@ -38,6 +38,11 @@ ORCA = "avoider={use: orca, clearance: 0.3}"
         ("1.75, 0, 0", "0, 1, 0.8", (), ""),
         ("1.75, 0, 0", "0, 1, 0.8", ("planner={use: visibility, clearance: 0.3}",),
          "cf1 starts 0.15 m from obstacle 'wall', nearer than 0.3 m"),
+        ("1.75, 0, 0", "0, 1, 0.8", ("avoider={use: voronoi, radius: 0.2}",),
+         "cf1 starts 0.15 m from obstacle 'wall', nearer than 0.2 m"),
+        ("1.75, 0, 0", "0, 1, 0.8", ("avoider={use: orca, radius: 0.2}",),
+         "cf1 starts 0.15 m from obstacle 'wall', nearer than 0.2 m"),
+        ("1.75, 0, 0", "0, 1, 0.8", ("avoider={use: orca, radius: 0.2, clearance: 0.1}",), ""),
         ("-2, 0, 0", "0, 1, 0.8", (), ""),  # 0.8 m below the beam
         ("0, 0, 0", "1.72, 1, 0.8", (), ""),
         ("0, 0, 0", "1.72, 1, 0.8", (ORCA,),
