@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import Final
 
@@ -78,9 +79,15 @@ def _top(rehearsal: Rehearsal, row: int, first: int) -> float:
 
 
 def _nearest(obstacles: tuple[Obstacle, ...], foot: Array, top: float) -> tuple[float, str]:
-    """Return the least distance of an upright line to an obstacle, m, and the obstacle's name."""
+    """Return the least distance of an upright line to an obstacle, m, and the obstacle's name.
+
+    An obstacle below the line, such as a table on which an agent stands, is not beside it.
+    """
     x, y, z = foot.tolist()
-    low = min(z, top)
-    return min(
-        (obstacle.distance((x, y, low), max(z, top)), obstacle.name) for obstacle in obstacles
-    )
+    low, high = min(z, top), max(z, top)
+    distances = [
+        (obstacle.distance((x, y, low), high), obstacle.name)
+        for obstacle in obstacles
+        if obstacle.height[1] > low
+    ]
+    return min(distances, default=(math.inf, ""))

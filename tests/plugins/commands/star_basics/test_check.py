@@ -71,8 +71,9 @@ def test_a_start_in_the_air_is_a_warning() -> None:
     assert position_and_code(problem) == "hop.yaml:6:16 [start-in-air]"
 
 
-def test_a_start_on_an_obstacle_is_none() -> None:
-    assert warnings("[-1, 0, 0]", "[-1, 0, 0.5]", TABLE) == []
+@pytest.mark.parametrize("height", [0.47, 0.5])
+def test_a_start_on_an_obstacle_is_none(height: float) -> None:
+    assert warnings("[-1, 0, 0]", f"[-1, 0, {height}]", TABLE) == []
 
 
 def test_a_separation_larger_than_the_avoiders_is_a_warning() -> None:
