@@ -218,9 +218,9 @@ def test_no_record_is_dropped_without_a_word(texts: list[str]) -> None:
     listed = value([value(text, i + 1) for i, text in enumerate(texts)])
     log = ImportLog()
     try:
-        found = records(value({"command_sequence": listed}), ["cf1", "cf2"], log)
+        commands = records(value({"command_sequence": listed}), ["cf1", "cf2"], log)
     except InputError:
         assert len(texts) % 5
         return
     wrong = {(int(problem.split(":")[1]) - 1) // 5 for problem in log.problems}
-    assert len(found) + len(wrong) == len(texts) // 5
+    assert len(commands) + len(wrong) == len(texts) // 5

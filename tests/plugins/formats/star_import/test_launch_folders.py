@@ -127,10 +127,10 @@ def test_calibrations_are_the_cameras_of_their_agents(take: Import) -> None:
     files = ["launch/mission/up.yaml", "launch/crazyflies.yaml", "launch/environment/lab.yaml",
              "launch/calibration/cf2.yaml"]  # fmt: skip
     notes = take(*files)
-    one, two = load(Path("imported/up.yaml"), Registry()).scene.agents
-    assert one.camera is not None
-    assert one.camera == two.camera
-    assert (one.camera.width, one.camera.matrix) == (320, (180, 181, 160, 120))
+    first, second = load(Path("imported/up.yaml"), Registry()).scene.agents
+    assert first.camera is not None
+    assert first.camera == second.camera
+    assert (first.camera.width, first.camera.matrix) == (320, (180, 181, 160, 120))
     assert "this calibration serves cf1 too" in "\n".join(notes)
     Path("cf1.yaml").write_text(CAMERA.replace("cf2", "cf1").replace("180,", "190,"))
     take(*files, "cf1.yaml", "--force")

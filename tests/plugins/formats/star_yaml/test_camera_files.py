@@ -39,9 +39,9 @@ def _seeing(hop: Path) -> None:
 
 def camera(*assignments: str) -> Camera:
     """What the first agent sees with."""
-    found = load("hop.yaml", Registry(), assignments).scene.agents[0].camera
-    assert found is not None
-    return found
+    sensor = load("hop.yaml", Registry(), assignments).scene.agents[0].camera
+    assert sensor is not None
+    return sensor
 
 
 def refusal(*assignments: str) -> str:
@@ -51,15 +51,15 @@ def refusal(*assignments: str) -> str:
 
 
 def test_an_agent_sees_as_in_the_file() -> None:
-    found = camera()
-    assert (found.width, found.height) == (320, 240)
-    assert found.matrix == (190.0, 191.0, 160.0, 120.0)
+    sensor = camera()
+    assert (sensor.width, sensor.height) == (320, 240)
+    assert sensor.matrix == (190.0, 191.0, 160.0, 120.0)
 
 
 def test_values_of_the_mission_itself_win() -> None:
-    found = camera()
-    assert found.rate == 8
-    assert found.pitch == pytest.approx(0.5236, abs=1e-4)
+    sensor = camera()
+    assert sensor.rate == 8
+    assert sensor.pitch == pytest.approx(0.5236, abs=1e-4)
 
 
 def test_what_neither_sets_is_an_ai_deck_s() -> None:
@@ -131,12 +131,12 @@ def test_a_camera_in_a_file_has_what_one_in_a_mission_has() -> None:
 
 
 def test_the_schema_knows_every_key_of_a_camera_and_its_default() -> None:
-    known: dict[str, Any] = schema.load("camera")["properties"]
+    properties: dict[str, Any] = schema.load("camera")["properties"]
     usual = Camera()
     names = {field.name for field in fields(Camera)}
-    assert {key.removesuffix("_deg") for key in known} == names | {"star", "name"}
-    for key in names & known.keys():
-        assert known[key]["default"] == pytest.approx(getattr(usual, key)), key
+    assert {key.removesuffix("_deg") for key in properties} == names | {"star", "name"}
+    for key in names & properties.keys():
+        assert properties[key]["default"] == pytest.approx(getattr(usual, key)), key
 
 
 def test_the_schema_of_a_camera_is_printed(capsys: pytest.CaptureFixture[str]) -> None:

@@ -26,7 +26,7 @@ GROUPS = {"pair": ["cf2", "cf3"], "all": [*NAMES]}
 def now(**changes: Any) -> ConditionContext:
     """Three agents on a line, 1 m apart, of which the step has the first two; it began 10 s ago."""
     line = np.array([[0.0, 0, 1], [1.0, 0, 1], [2.0, 0, 1]])
-    there = ConditionContext(
+    context = ConditionContext(
         rows=(0, 1),
         begun=5.0,
         time=15.0,
@@ -40,7 +40,7 @@ def now(**changes: Any) -> ConditionContext:
             Event(8.0, "step", "goto begins", None, {"agents": ["cf1", "cf2"]}),
         ],
     )
-    return replace(there, **changes)
+    return replace(context, **changes)
 
 
 @pytest.mark.parametrize(
@@ -107,8 +107,8 @@ def test_a_condition_does_not_hold(condition: dict[str, Any]) -> None:
 
 def test_an_agent_that_is_nowhere_is_near_nothing() -> None:
     nowhere = np.full((3, 3), np.nan)
-    there = now(estimate=estimate(nowhere, time=15.0))
-    assert not parse({"near": {"point": [0, 0, 1], "within": 99}}).holds(there)
+    context = now(estimate=estimate(nowhere, time=15.0))
+    assert not parse({"near": {"point": [0, 0, 1], "within": 99}}).holds(context)
 
 
 def test_a_battery_that_is_not_reported_is_not_low() -> None:
@@ -136,11 +136,11 @@ def test_how_long_a_condition_waits_is_the_longest_time_in_it(
 def test_near_conditions_may_refer_to_unreachable_points() -> None:
     near = {"near": {"point": [3, 0, 0], "within": 1}}
 
-    def found(metres: float) -> list[Any]:
+    def mistakes(metres: float) -> list[Any]:
         return list(problems(parse(near), NAMES, (), outside=lambda _: metres))
 
-    assert found(1.0) == []
-    assert [problem.path for problem in found(1.1)] == [("near", "point")]
+    assert mistakes(1.0) == []
+    assert [problem.path for problem in mistakes(1.1)] == [("near", "point")]
 
 
 def test_an_agent_among_others_may_be_near_itself_but_not_alone() -> None:
@@ -168,7 +168,7 @@ leaves = st.sampled_from(
 written = st.recursive(
     leaves,
     lambda inner: (
-        st.builds(lambda one: {"not": one}, inner)
+        st.builds(lambda clause: {"not": clause}, inner)
         | st.builds(lambda kind, some: {kind: some}, st.sampled_from(["any", "all"]),
                     st.lists(inner, min_size=1, max_size=3))
     ),
@@ -176,18 +176,18 @@ written = st.recursive(
 
 
 @given(written)
-def test_time_conditions_hold_no_later_than_their_longest_wait(one: dict[str, Any]) -> None:
-    condition = parse(one)
+def test_time_conditions_hold_no_later_than_their_longest_wait(source: dict[str, Any]) -> None:
+    condition = parse(source)
     whatever, at_least = condition.holds_from(math.inf), condition.holds_from(0.0)
     assert whatever in {3.0, 9.0, math.inf}
     assert at_least <= whatever
-    if "not" not in str(one) and whatever < math.inf:
+    if "not" not in str(source) and whatever < math.inf:
         assert whatever <= condition.longest_wait
 
 
 @given(written)
-def test_every_condition_is_a_clause(one: dict[str, Any]) -> None:
-    assert "{" not in str(parse(one))
+def test_every_condition_is_a_clause(source: dict[str, Any]) -> None:
+    assert "{" not in str(parse(source))
 
 
 def test_every_kind_of_the_schema_is_tried_here() -> None:
@@ -210,8 +210,8 @@ REPORTED = re.compile(
 
 def kinds() -> list[str]:
     """The kinds of events that a condition may ask for."""
-    known = schema.load("mission")["$defs"]["condition"]["properties"]["event"]["enum"]
-    return list(known)
+    names = schema.load("mission")["$defs"]["condition"]["properties"]["event"]["enum"]
+    return list(names)
 
 
 def test_a_condition_may_ask_for_every_kind_of_event() -> None:

@@ -59,8 +59,8 @@ def file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_check_accepts_the_kind_of_a_plugin(file: Path) -> None:
-    found = check_file(file, Registry(Gripper()))
-    assert found == ("hand.yaml: a gripper of 3 fingers", ())
+    outcome = check_file(file, Registry(Gripper()))
+    assert outcome == ("hand.yaml: a gripper of 3 fingers", ())
 
 
 @pytest.mark.parametrize(

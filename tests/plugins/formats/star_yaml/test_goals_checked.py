@@ -112,7 +112,7 @@ def test_a_goal_that_the_planner_accepts_is_no_problem(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("step", "found"),
+    ("step", "message"),
     [
         ("hold: {at: [0, 1, 1.2]}", "13:16: position 1 of 2: goal [-0.3, 1, 1.2]"),
         (
@@ -133,11 +133,11 @@ def test_a_goal_that_the_planner_accepts_is_no_problem(tmp_path: Path) -> None:
     ],
 )
 def test_every_verb_of_stars_own_declares_where_it_sends_agents(
-    tmp_path: Path, step: str, found: str
+    tmp_path: Path, step: str, message: str
 ) -> None:
     (tmp_path / "way.csv").write_text("x,y,z\n0,0,0.8\n0,1,1.2\n")
     (problem,) = problems(tmp_path, Shelf(), step)
-    assert problem.startswith(found)
+    assert problem.startswith(message)
     assert "is higher than shelf's top, 1 m" in problem
 
 
@@ -154,9 +154,9 @@ def test_absolute_trajectories_are_checked_by_the_planner(
     header = ",".join(["duration", *(f"{k}^{i}" for k in ("x", "y", "z", "yaw") for i in range(8))])
     (tmp_path / "way.csv").write_text(f"{header}\n{','.join(numbers)}\n")
     step = f"follow: {{agents: cf1, file: way.csv, format: poly7{', ' * bool(options)}{options}}}"
-    found = problems(tmp_path, Shelf(), step)
-    assert len(found) == bool(refused)
-    assert all(refused in problem and "higher than shelf's top" in problem for problem in found)
+    messages = problems(tmp_path, Shelf(), step)
+    assert len(messages) == bool(refused)
+    assert all(refused in problem and "higher than shelf's top" in problem for problem in messages)
 
 
 def test_goals_of_one_value_are_one_problem_listing_the_others(tmp_path: Path) -> None:
@@ -168,8 +168,10 @@ def test_goals_of_one_value_are_one_problem_listing_the_others(tmp_path: Path) -
 
 
 def test_a_third_partys_verb_names_its_goals(tmp_path: Path) -> None:
-    found = problems(tmp_path, Shelf(), "tour: {points: [[0, 1, 0.8], [0, 1, 1.2], [1.2, 1.2, 1]]}")
-    assert found == [
+    messages = problems(
+        tmp_path, Shelf(), "tour: {points: [[0, 1, 0.8], [0, 1, 1.2], [1.2, 1.2, 1]]}"
+    )
+    assert messages == [
         "13:34: goal [0, 1, 1.2] is higher than shelf's top, 1 m [unreachable-goal]",
         "13:47: [1.2, 1.2, 1] is inside obstacle 'pillar' [inside-obstacle]",
     ]
@@ -179,8 +181,8 @@ def test_a_third_partys_verb_names_its_goals(tmp_path: Path) -> None:
 def test_goals_in_contact_with_obstacles_fail_for_any_planner(
     tmp_path: Path, check_goals: Any
 ) -> None:
-    found = problems(tmp_path, Shelf(check_goals), "tour: {points: [[0.95, 1.2, 0.8]]}")
-    assert found == [
+    messages = problems(tmp_path, Shelf(check_goals), "tour: {points: [[0.95, 1.2, 0.8]]}")
+    assert messages == [
         "13:21: [0.95, 1.2, 0.8] is 0.05 m from obstacle 'pillar', "
         "expected at least the radius of a drone: 0.06 m [inside-obstacle]"
     ]
@@ -191,7 +193,7 @@ def raises(*_: Any, **__: Any) -> Iterable[Any]:
 
 
 @pytest.mark.parametrize(
-    ("plugin", "found"),
+    ("plugin", "message"),
     [
         (Shelf(raises), "the check_goals of planner 'shelf' (their-dist 1.2:shelf) raised Zero"),
         (Shelf(goals=raises), "the goals of task 'tour' (their-dist 1.2:shelf) raised Zero"),
@@ -211,7 +213,7 @@ def raises(*_: Any, **__: Any) -> Iterable[Any]:
     ids=["check_goals raises", "goals raises", "no index", "no position"],
 )
 def test_what_a_plugin_does_wrong_is_reported_as_its_own(
-    tmp_path: Path, plugin: Shelf, found: str
+    tmp_path: Path, plugin: Shelf, message: str
 ) -> None:
     (problem,) = problems(tmp_path, plugin, "tour: {points: [[0, 1, 0.8]]}")
-    assert problem.startswith(f"13:11: {found}")
+    assert problem.startswith(f"13:11: {message}")

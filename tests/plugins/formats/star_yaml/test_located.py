@@ -120,9 +120,9 @@ def test_a_byte_order_mark_and_windows_line_ends_shift_no_place(tmp_path: Path) 
     ],
 )
 def test_a_scalar_is_read_as_in_yaml_1_2_and_json(tmp_path: Path, text: str, value: object) -> None:
-    found = write(tmp_path, f"a: {text}").data["a"]
-    assert found == value
-    assert type(found) is type(value)
+    scalar = write(tmp_path, f"a: {text}").data["a"]
+    assert scalar == value
+    assert type(scalar) is type(value)
 
 
 def test_every_anchor_is_refused_without_a_warning(tmp_path: Path) -> None:
@@ -156,8 +156,8 @@ def test_files_that_the_corpus_cannot_hold_are_refused(
 
 
 def test_all_refused_yaml_is_listed_at_once_in_file_order(tmp_path: Path) -> None:
-    found = refusals(tmp_path, "a: .nan\nb: &x [1_0]\na: *x\nc: [1_0, !t 2]")
-    assert [problem.split(":")[1:3] for problem in found] == [
+    messages = refusals(tmp_path, "a: .nan\nb: &x [1_0]\na: *x\nc: [1_0, !t 2]")
+    assert [problem.split(":")[1:3] for problem in messages] == [
         ["1", "4"],
         ["2", "4"],
         ["3", "1"],

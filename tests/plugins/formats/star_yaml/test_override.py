@@ -58,10 +58,10 @@ def test_assigned_values_are_set_and_located_at_the_assignment(
     mission: Document, assignment: str, path: tuple[str | int, ...], value: object
 ) -> None:
     changed = override(mission, [assignment])
-    found: Any = changed.data
+    node: Any = changed.data
     for part in path:
-        found = found[part]
-    assert found == value
+        node = node[part]
+    assert node == value
     if path != ("avoider",) or value == "none":
         assert changed.problem(path, "bad") == f"--set {assignment}: bad [invalid-option]"
 
@@ -111,9 +111,9 @@ def test_setting_leaves_the_document_it_is_set_over_alone(mission: Document) -> 
 def test_an_assignment_that_cannot_be_followed_is_refused(
     mission: Document, assignment: str, problem: str
 ) -> None:
-    (found,) = refused(mission, assignment)
+    (message,) = refused(mission, assignment)
     shown = assignment.replace("\n", "\\n").replace("\udcff", "\\udcff")
-    assert found.startswith(f"--set {shown}: {problem}")
+    assert message.startswith(f"--set {shown}: {problem}")
 
 
 def test_an_empty_list_has_no_item_to_set() -> None:

@@ -126,9 +126,9 @@ def test_a_parameter_is_no_mistake_where_they_are_distinguished(
     step: str, faults: list[str]
 ) -> None:
     text = f"star: 1\nmission:\n  - {step}\n"
-    found = problems(document(text), compose_steps(OFFERS), parameters=True)
-    assert len(found) == len(faults)
-    assert all(fault in told for fault, told in zip(faults, found, strict=True))
+    messages = problems(document(text), compose_steps(OFFERS), parameters=True)
+    assert len(messages) == len(faults)
+    assert all(fault in told for fault, told in zip(faults, messages, strict=True))
 
 
 # Worlds

@@ -88,8 +88,8 @@ def with_line(start: str, line: str) -> str:
 
 def fault(start: str, line: str) -> str:
     """The only mistake in the mission once one of its lines is replaced."""
-    (found,) = faults(with_line(start, line))
-    return found
+    (message,) = faults(with_line(start, line))
+    return message
 
 
 # What is right
@@ -151,8 +151,8 @@ def test_plugins_that_need_options_are_no_bare_names() -> None:
     ],
 )
 def test_rules_that_no_installed_plugin_has_are_explained(options: str, expected: str) -> None:
-    found = fault("avoider", f"avoider: {{use: orca, {options}}}")
-    assert found.startswith(f"m.yaml:9:{expected}")
+    message = fault("avoider", f"avoider: {{use: orca, {options}}}")
+    assert message.startswith(f"m.yaml:9:{expected}")
 
 
 def test_misspelt_and_missing_keys_are_both_reported() -> None:
@@ -170,8 +170,8 @@ def test_a_key_that_resembles_none_is_answered_by_all_there_are() -> None:
 
 
 def test_no_installed_plugin_is_reported() -> None:
-    found = problems(document(MISSION), compose({}))
-    assert "m.yaml:6:12 [unknown-plugin]" in map(position_and_code, found)
+    messages = problems(document(MISSION), compose({}))
+    assert "m.yaml:6:12 [unknown-plugin]" in map(position_and_code, messages)
 
 
 def test_problems_of_set_assignments_come_last_and_name_them() -> None:
@@ -205,8 +205,8 @@ def test_every_mission_however_wrong_is_answered_in_lines(
     data: dict[str, Any], steps: list[Any]
 ) -> None:
     whole = document(MISSION).data | {"mission": steps} | data
-    found = problems(document(json.dumps(whole)), SCHEMA)
-    assert all(line.startswith("m.yaml:1:") and "\n" not in line for line in found)
-    assert bool(found) is not Draft202012Validator(SCHEMA).is_valid(whole) or any(
-        "whole number" in line for line in found
+    lines = problems(document(json.dumps(whole)), SCHEMA)
+    assert all(line.startswith("m.yaml:1:") and "\n" not in line for line in lines)
+    assert bool(lines) is not Draft202012Validator(SCHEMA).is_valid(whole) or any(
+        "whole number" in line for line in lines
     )

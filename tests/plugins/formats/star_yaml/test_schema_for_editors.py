@@ -43,8 +43,8 @@ class Property(NamedTuple):
 def properties(value: Any, root: dict[str, Any], path: str = "") -> Iterator[Property]:
     """Every property of a schema, but of conditions: those are for no reader."""
     if isinstance(value, list):
-        for one in value:
-            yield from properties(one, root, path)
+        for member in value:
+            yield from properties(member, root, path)
     if not isinstance(value, dict):
         return
     for name, held in value.get("properties", {}).items():
@@ -73,15 +73,15 @@ def resolved(schema: dict[str, Any], root: dict[str, Any]) -> dict[str, Any]:
     """A schema with what it refers to."""
     if "$ref" not in schema:
         return schema
-    found: Any = root
+    node: Any = root
     for name in schema["$ref"].removeprefix("#/").split("/"):
-        found = found[name]
-    return resolved(found, root) | schema
+        node = node[name]
+    return resolved(node, root) | schema
 
 
 def types(schema: dict[str, Any]) -> set[str]:
-    given = schema.get("type", ())
-    return {given} if isinstance(given, str) else set(given)
+    names = schema.get("type", ())
+    return {names} if isinstance(names, str) else set(names)
 
 
 MISSION = for_editors(compose(Registry().offers()), parameters=True)
@@ -92,9 +92,9 @@ SCHEMAS = {
     **{name: editor_schema(name, Registry()) for name in ("world", "camera", "study", "faults")},
 }
 EVERY = [
-    (f"{name}{found.path}", found)
+    (f"{name}{key.path}", key)
     for name, schema in SCHEMAS.items()
-    for found in properties(schema, schema)
+    for key in properties(schema, schema)
 ]
 OPTIONAL = [(p, f) for p, f in EVERY if not f.required]
 
@@ -107,8 +107,8 @@ def test_there_is_something_to_look_at() -> None:
 
 
 def test_every_key_has_a_title_and_a_description() -> None:
-    assert [path for path, found in EVERY if not found.schema.get("title")] == []
-    assert [path for path, found in EVERY if not found.schema.get("description")] == []
+    assert [path for path, key in EVERY if not key.schema.get("title")] == []
+    assert [path for path, key in EVERY if not key.schema.get("description")] == []
 
 
 def test_the_title_of_a_key_is_its_name_in_words() -> None:
@@ -120,12 +120,14 @@ def test_the_title_of_a_key_is_its_name_in_words() -> None:
 
 def test_numbers_in_the_schema_have_a_unit_or_state_their_count() -> None:
     numbers = [
-        (path, found.schema["description"])
-        for path, found in EVERY
-        if types(found.schema) & {"number", "integer"}
+        (path, key.schema["description"])
+        for path, key in EVERY
+        if types(key.schema) & {"number", "integer"}
     ]
     assert len(numbers) > 100
-    silent = [one for one in numbers if not UNIT.search(one[1]) and not COUNT.search(one[1])]
+    silent = [
+        number for number in numbers if not UNIT.search(number[1]) and not COUNT.search(number[1])
+    ]
     assert silent == []
 
 
@@ -140,11 +142,11 @@ def test_optional_keys_have_a_default_or_describe_their_absence() -> None:
     told = {"default", "const"}
     assert [
         path
-        for path, found in OPTIONAL
-        if not (told & set(found.schema))
-        and not found.one_of_many
+        for path, key in OPTIONAL
+        if not (told & set(key.schema))
+        and not key.one_of_many
         and not path.startswith("mission/safety/")  # a rule that is not there is none
-        and not ABSENT.search(found.schema["description"])
+        and not ABSENT.search(key.schema["description"])
     ] == []
 
 
@@ -152,10 +154,8 @@ def test_every_key_has_an_example_a_default_or_its_values() -> None:
     shown = {"examples", "default", "enum", "const"}
     assert [
         path
-        for path, found in EVERY
-        if not shown & set(found.schema)
-        and "boolean" not in types(found.schema)
-        and not found.told_above
+        for path, key in EVERY
+        if not shown & set(key.schema) and "boolean" not in types(key.schema) and not key.told_above
     ] == []
 
 

@@ -60,7 +60,7 @@ def test_a_missing_file_with_a_suffix_is_a_missing_file(capsys: pytest.CaptureFi
 def test_all_are_listed_with_a_description(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["missions"]) == 0
     lines = capsys.readouterr().out.splitlines()
-    listed = [found[1] for line in lines if (found := re.match(r"  (\S+)  +[A-Z0-9]", line))]
+    listed = [match[1] for line in lines if (match := re.match(r"  (\S+)  +[A-Z0-9]", line))]
     assert listed == list(shipped_files())
     assert any(
         re.match(r"  first_flight +Three drones take off, swap places across", x) for x in lines

@@ -53,7 +53,7 @@ def mistakes(*changes: tuple[str, str], world: str = WORLD) -> list[str]:
 
 
 def test_one_run_reports_all_kinds_of_problems_in_file_order() -> None:
-    found = mistakes(
+    locations = mistakes(
         ("speed: 0.5", "speed: fast"),  # schema
         ("[cf1, cf2]", "[cf1, cf9]"),  # reference
         ("takeoff: {height: 0.8}", "takeoff: {height: 1.4}"),  # feasibility: into the shelf
@@ -63,7 +63,7 @@ def test_one_run_reports_all_kinds_of_problems_in_file_order() -> None:
         ),  # feasibility
         ("  - land: {}", "  - land: {}\n  - goto: {by: [0, 0.2, 0]}\n  - lnad: {}"),
     )  # airborne state, schema
-    assert found == [
+    assert locations == [
         "4:17 [wrong-type]",
         "9:22 [unknown-agent]",
         "15:5 [inside-obstacle]",
@@ -74,13 +74,13 @@ def test_one_run_reports_all_kinds_of_problems_in_file_order() -> None:
 
 
 def test_references_are_checked_although_the_world_is_invalid() -> None:
-    found = mistakes(
+    locations = mistakes(
         ("[cf1, cf2]", "[cf1, cf9]"),
         ("avoider: orca", "avoider: orka"),
         ("land: {}", "land: {agents: cf8}"),
         world=WORLD.replace("high: [2, 2, 2]", "high: [2, 2]"),
     )
-    assert found == [
+    assert locations == [
         "9:22 [unknown-agent]",
         "13:10 [unknown-plugin]",
         "17:20 [unknown-agent]",
@@ -89,8 +89,8 @@ def test_references_are_checked_although_the_world_is_invalid() -> None:
 
 
 def test_steps_are_checked_although_the_world_file_is_missing() -> None:
-    found = mistakes(("room.yaml", "rom.yaml"), ("  - takeoff: {height: 0.8}\n", ""))
-    assert found == ["3:8 [file-not-found]", "15:5 [wrong-airborne-state]"]
+    locations = mistakes(("room.yaml", "rom.yaml"), ("  - takeoff: {height: 0.8}\n", ""))
+    assert locations == ["3:8 [file-not-found]", "15:5 [wrong-airborne-state]"]
 
 
 @pytest.mark.parametrize(

@@ -78,10 +78,10 @@ class Parts:
     def _offering(self, kind: str, name: str) -> Callable[[], list[Any]]:
         def check(*arguments: Any, **options: Any) -> Iterable[Problem]:
             self.asked[kind] = (*arguments, options)
-            found = self._faults.get(kind, ())
-            if isinstance(found, Exception):
-                raise found
-            return found
+            answer = self._faults.get(kind, ())
+            if isinstance(answer, Exception):
+                raise answer
+            return answer
 
         options = {"type": "object", "properties": self._options.get(kind, {})}
         spec: Any = SPECS[kind]
@@ -123,7 +123,7 @@ def test_every_part_receives_the_groups_of_a_mission(missions: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("given", "rows"),
+    ("names", "rows"),
     [
         ("all", tuple(range(9))),
         ("ends", (0, 8)),
@@ -132,11 +132,11 @@ def test_every_part_receives_the_groups_of_a_mission(missions: Path) -> None:
     ],
 )
 def test_agents_of_a_step_are_unique_and_in_swarm_order(
-    given: str | list[str], rows: tuple[int, ...]
+    names: str | list[str], rows: tuple[int, ...]
 ) -> None:
     agents = {f"cf{row + 1}": (row,) for row in range(8)}
     groups = {**agents, "ends": (8, 0), "all": tuple(range(9))}
-    assert rows_of(given, groups) == rows
+    assert rows_of(names, groups) == rows
 
 
 # Agents that move in a parallel
@@ -182,8 +182,8 @@ def test_starts_are_at_least_two_radii_of_the_avoider_apart(
     avoider: str, options: Mapping[str, Any]
 ) -> None:
     mission = MISSION.replace("avoider: shy", f"avoider: {avoider}")
-    found = problems(mission, Parts({"avoider": options}))
-    assert found == ["7:16 [too-close]", "8:16 [too-close]"]
+    locations = problems(mission, Parts({"avoider": options}))
+    assert locations == ["7:16 [too-close]", "8:16 [too-close]"]
 
 
 def test_starts_may_be_just_two_radii_apart() -> None:
@@ -213,8 +213,8 @@ def test_what_the_check_of_a_part_finds_stands_at_its_option(kind: str) -> None:
 def test_the_check_of_a_part_is_given_the_scene_and_the_options() -> None:
     plugin = Parts({"planner": {"odd": NUMBER}})
     problems(MISSION.replace("planner: crow", "planner: {use: crow, odd: 3}"), plugin)
-    given, options = plugin.asked["planner"]
-    assert given.names == ("cf1", "cf2", "cf3")
+    scene, options = plugin.asked["planner"]
+    assert scene.names == ("cf1", "cf2", "cf3")
     assert options == {"odd": 3}
 
 
@@ -252,8 +252,8 @@ def test_checks_that_break_their_contract_name_their_plugin(
     Path("m.yaml").write_text(MISSION)
     with pytest.raises(InputError) as caught:
         load(Path("m.yaml"), registry(Parts(faults={kind: answer})))
-    (found,) = caught.value.problems
-    assert found.partition(": ")[2].startswith(f"the check of {expected}")
+    (problem,) = caught.value.problems
+    assert problem.partition(": ")[2].startswith(f"the check of {expected}")
 
 
 def test_names_offered_by_two_plugins_are_refused_where_used() -> None:
