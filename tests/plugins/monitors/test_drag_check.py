@@ -15,7 +15,7 @@ RADIUS = 1.2  # m, of the circle that the agent flies
 AIRBORNE = np.ones(1, np.bool_)
 
 
-def found(
+def detection_time(
     speed: float,
     *,
     scale: float = 1.0,
@@ -63,8 +63,8 @@ def found(
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize(("speed", "limit"), [(0.55, 10.0), (1.0, 3.0)])
 def test_a_flow_sensor_that_misses_motion_is_found(seed: int, speed: float, limit: float) -> None:
-    assert BEGUN < found(speed, scale=0.7, seed=seed) <= BEGUN + limit
-    assert BEGUN < found(speed, scale=0.7, turns=-0.2, seed=seed) <= BEGUN + 2 * limit
+    assert BEGUN < detection_time(speed, scale=0.7, seed=seed) <= BEGUN + limit
+    assert BEGUN < detection_time(speed, scale=0.7, turns=-0.2, seed=seed) <= BEGUN + 2 * limit
 
 
 @pytest.mark.parametrize(
@@ -72,7 +72,7 @@ def test_a_flow_sensor_that_misses_motion_is_found(seed: int, speed: float, limi
 )
 @pytest.mark.parametrize("seed", range(2))
 def test_other_flights_are_let_alone(flight: dict[str, float], seed: int) -> None:
-    assert found(0.5, **flight, seed=seed) == np.inf
+    assert detection_time(0.5, **flight, seed=seed) == np.inf
 
 
 def test_wandering_accelerometers_are_no_wrong_flow_sensors() -> None:

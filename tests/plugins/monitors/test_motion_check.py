@@ -38,26 +38,26 @@ def report(time: float, speed: float, pull: float, yaw: float) -> Telemetry:
     )
 
 
-def found(
-    wanted: Array, *, seen: float = 1.0, wind: float = 0.0, error: float = 0.0, tilts: bool = True
+def detection_time(
+    speeds: Array, *, share: float = 1.0, wind: float = 0.0, error: float = 0.0, tilts: bool = True
 ) -> float:
     """Return when an agent is found that follows some speeds, (K,) m/s; infinity if never.
 
     Args:
-        wanted: Of every tick.
-        seen: Share of the motion that its flow sensor sees from `BEGUN` on.
+        speeds: Of every tick.
+        share: Share of the motion that its flow sensor sees from `BEGUN` on.
         wind: Acceleration by wind from then on, m/s².
         error: Of the reported tilt, m/s².
         tilts: Whether it reports a tilt at all.
     """
     check, speed, believed = MotionCheck(1), 0.0, 0.0
-    for k, target in enumerate(wanted):
+    for k, target in enumerate(speeds):
         time = k * PERIOD
         fails = time >= BEGUN
         pull = 3.0 * (target - believed)
         change = PERIOD * (pull - AIR_DRAG * speed + wind * fails)
         speed += change
-        measured = (seen if fails else 1.0) * speed
+        measured = (share if fails else 1.0) * speed
         believed += change + PERIOD * FLOW_GAIN * (measured - believed)
         now = report(time, believed, pull + error if tilts else 0.0, yaw=0.3 * time)
         if check.check(now, AIRBORNE)[0]:
@@ -69,9 +69,12 @@ TRIP = np.repeat([0.0, 0.5, 0.0, -0.5, 0.0, 1.0], 40)
 
 
 def test_an_agent_that_sees_no_motion_is_found_soon() -> None:
-    assert found(np.repeat([0.0, 0.5], [30, 100]), seen=0.0) <= BEGUN + 0.6
-    assert found(np.repeat([0.0, -0.5, 0.5], [30, 40, 100]), seen=0.0, error=0.2) <= BEGUN + 0.3
-    assert found(np.repeat([0.0, 0.25], [30, 100]), seen=0.0) <= BEGUN + 2.1
+    assert detection_time(np.repeat([0.0, 0.5], [30, 100]), share=0.0) <= BEGUN + 0.6
+    assert (
+        detection_time(np.repeat([0.0, -0.5, 0.5], [30, 40, 100]), share=0.0, error=0.2)
+        <= BEGUN + 0.3
+    )
+    assert detection_time(np.repeat([0.0, 0.25], [30, 100]), share=0.0) <= BEGUN + 2.1
 
 
 @pytest.mark.parametrize("ticks", [1, 2, 3])
@@ -85,11 +88,11 @@ def test_a_bump_is_no_stuck_flow_sensor(ticks: int) -> None:
 
 @pytest.mark.parametrize(
     "flight",
-    [{}, {"wind": 0.6}, {"error": 0.3}, {"seen": 0.8}, {"seen": 1.2}, {"tilts": False}],
+    [{}, {"wind": 0.6}, {"error": 0.3}, {"share": 0.8}, {"share": 1.2}, {"tilts": False}],
     ids=str,
 )
 def test_other_flights_are_let_alone(flight: dict[str, float]) -> None:
-    assert found(TRIP, **flight) == np.inf  # type: ignore[arg-type]
+    assert detection_time(TRIP, **flight) == np.inf  # type: ignore[arg-type]
 
 
 def test_one_that_was_found_stays_so_until_it_takes_off_again() -> None:

@@ -78,15 +78,15 @@ def flown(
     goal_velocity: float = 0.0,
 ) -> dict[str, tuple[float, str]]:
     """Return when avoider or planner is found within 5 s, and why, by its kind."""
-    found: dict[str, tuple[float, str]] = {}
+    strikes: dict[str, tuple[float, str]] = {}
     watched = Watched(scene(2))
     for k in range(100):
         goals = goals_at(along(goal(k)), goal_velocity)
         setpoints = setpoint(avoider(k)), setpoint(planner(k))
         watched.sent(estimate(along(position(k))), goals, *setpoints)
         for kind, reason in watched.strikes.items():
-            found.setdefault(kind, (k * TICK, reason))
-    return found
+            strikes.setdefault(kind, (k * TICK, reason))
+    return strikes
 
 
 def noisy(speed: float) -> Way:
@@ -127,18 +127,18 @@ def passing(k: int) -> tuple[float, ...]:
 
 
 def test_a_planner_that_flies_past_the_goal_is_found() -> None:
-    found = flown(noisy(0.5), lambda k: (0.5, 0.5 + 1e-15 * k), passing, same(1.0))
-    [(kind, (time, reason))] = found.items()
+    strikes = flown(noisy(0.5), lambda k: (0.5, 0.5 + 1e-15 * k), passing, same(1.0))
+    [(kind, (time, reason))] = strikes.items()
     assert (kind, reason) == ("planner", "repeats a setpoint that leads cf1 past the goal")
     assert time == pytest.approx((1.0 + ARRIVAL) / 0.5 + REPEATED_TIME, abs=2 * TICK)
 
 
 @pytest.mark.parametrize(
-    ("aside", "goal", "found"),
+    ("aside", "goal", "is_reported"),
     [(0.9, (1.0, 0.3), True), (0.9, (9.0, 0.3), False), (0.9 * ARRIVAL, (1.0, 0.1), False)],
 )
 def test_a_planner_that_passes_beside_the_goal_is_found(
-    aside: float, goal: tuple[float, float], *, found: bool
+    aside: float, goal: tuple[float, float], *, is_reported: bool
 ) -> None:
     watched, strikes = Watched(scene(2)), []
     goals = goals_at(np.array([(99.0, 0.3, 1.0), (*goal, 1.0)]))
@@ -147,8 +147,8 @@ def test_a_planner_that_passes_beside_the_goal_is_found(
         position[1, 1] += min(0.01 * k, aside)  # others push cf2 aside
         watched.sent(estimate(position), goals, setpoint(noisy(0.4)(k)), setpoint((0.5, 0.5)))
         strikes += [(k * TICK, strike) for strike in watched.strikes.items()]
-    assert bool(strikes) == found
-    if found:
+    assert bool(strikes) == is_reported
+    if is_reported:
         time, strike = strikes[0]
         assert strike == ("planner", "repeats a setpoint that leads cf2 past the goal")
         assert time == pytest.approx(1.0 / 0.5 + REPEATED_TIME, abs=2 * TICK)

@@ -230,15 +230,15 @@ def test_the_summary_is_what_the_flight_returned(run: Run) -> None:
 
 def test_the_manifest_is_there_before_anything_moves() -> None:
     class Early:
-        seen: bool | None = None
+        has_manifest: bool | None = None
 
         @hookimpl
         def star_ticked(self, tick: Tick) -> None:
-            if self.seen is None:
-                self.seen = json.loads(Path("out/manifest.json").read_text())["seed"] == 4
+            if self.has_manifest is None:
+                self.has_manifest = json.loads(Path("out/manifest.json").read_text())["seed"] == 4
 
     flown(early := Early(), folder=Path("out"))
-    assert early.seen
+    assert early.has_manifest
 
 
 # The columns
@@ -320,7 +320,7 @@ def test_the_signal_is_kept_where_agents_hear_a_radio(monkeypatch: pytest.Monkey
 
 
 def test_targets_csv_has_finder_time_and_position_of_each_target() -> None:
-    found = [
+    sightings = [
         {"name": "red", "finder": "cf2", "time_s": 12.5, "position_m": [1.0, -0.25, 0.0],
          "error_m": 0.03},
         {"name": "blue, far", "finder": "cf1", "time_s": 13.0, "position_m": [0.0, 2.0, 0.0],
@@ -328,7 +328,7 @@ def test_targets_csv_has_finder_time_and_position_of_each_target() -> None:
     ]  # fmt: skip
     scene = load(Path("m.yaml"), Registry()).scene
     recorder = Recorder(Flight("kept", scene, {}, Path("out")), Path("out"))
-    targets = {"found": 2, "total": 3, "list": found}
+    targets = {"found": 2, "total": 3, "list": sightings}
     recorder.close({"outcome": "completed", "reason": "", "targets": targets})
     assert Path("out/targets.csv").read_text().splitlines() == [
         "target,finder,time_s,x_m,y_m,z_m,error_m",
@@ -353,7 +353,7 @@ def test_log_txt_has_the_lines_of_stderr() -> None:
     assert [line for line in lines if "star: " not in line] == [*events, lines[-1]]
     assert lines[-1].endswith(" s  completed")
     assert "    0.95 s  star: said 7" in lines  # the time of the tick before
-    assert not any(isinstance(one, TextLog) for one in logging.getLogger().handlers)
+    assert not any(isinstance(handler, TextLog) for handler in logging.getLogger().handlers)
 
 
 def apart(a: Array, b: Array) -> Array:

@@ -57,7 +57,7 @@ def test_json_is_all_that_is_printed_and_is_what_is_recorded(printed: Printed) -
 
 def test_a_run_is_recorded_below_runs_by_time_and_name(printed: Printed) -> None:
     assert main(["run", "hop.yaml"]) == 0
-    (folder,) = (one for one in Path("runs").iterdir() if not one.is_symlink())
+    (folder,) = (path for path in Path("runs").iterdir() if not path.is_symlink())
     assert folder.name[10] == "T"
     assert folder.name.endswith("-hop")
     assert printed.readouterr().out.endswith(f"  record            {folder}\n")

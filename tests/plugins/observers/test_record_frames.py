@@ -81,7 +81,9 @@ def test_unsaved_images_cost_one_warning_and_no_record(
     else:
         monkeypatch.setattr(cv2, "imwrite", lambda *_: False)
     assert main(["run", "m.yaml", "--json", "--out", "out", "--save-frames"]) == 1
-    (warning,) = [one.getMessage() for one in caplog.records if "images" in one.getMessage()]
+    (warning,) = [
+        record.getMessage() for record in caplog.records if "images" in record.getMessage()
+    ]
     assert warning.startswith("saving of images stopped: ")
     with np.load("out/trajectory.npz") as file:
         assert len(file["time"]) > 20

@@ -51,11 +51,11 @@ def test_delayed_reports_are_at_least_the_delay_old() -> None:
     for time in TIMES:
         position, row = np.full((N, 3), time), np.zeros(N)
         state = np.zeros(N, np.int64)
-        given = Telemetry(time, position, position, np.zeros((N, 4)), row, state, row + 0.01)
-        seen = reports.report(given, time)
+        telemetry = Telemetry(time, position, position, np.zeros((N, 4)), row, state, row + 0.01)
+        report = reports.report(telemetry, time)
         late = 0.25 if 0.5 <= time < 1.5 else 0.0
-        assert seen.position[:, 0] == pytest.approx([time, time - late, time])
-        assert seen.age == pytest.approx([0.01, 0.01 + late, 0.01])
+        assert report.position[:, 0] == pytest.approx([time, time - late, time])
+        assert report.age == pytest.approx([0.01, 0.01 + late, 0.01])
 
 
 @pytest.mark.parametrize(
@@ -72,7 +72,7 @@ def test_commands_of_a_bad_link_arrive_late_or_never(
     def receive(command: Command) -> None:
         received.append((now, command.agent.tolist()))
 
-    _, command = faulty.wrap(lambda given: given, receive)
+    _, command = faulty.wrap(lambda setpoint: setpoint, receive)
     rows = np.arange(N)
     for time in TIMES:
         now = float(time)
@@ -80,7 +80,7 @@ def test_commands_of_a_bad_link_arrive_late_or_never(
         if time == TIMES[12]:
             command(Command(Order.LAND, rows, np.zeros((N, 3)), np.zeros(N), np.ones(N)))
     assert received[0] == (TIMES[12], [0, 2])
-    assert [one for one in received[1:] if one[1] != [1]] == []
+    assert [arrival for arrival in received[1:] if arrival[1] != [1]] == []
     late = [time for time, _ in received[1:]]
     assert late == ([] if arrives is None else pytest.approx([arrives]))
 
@@ -89,17 +89,17 @@ def test_setpoints_are_not_sent_while_the_link_is_off() -> None:
     faulty = SendFaults(fault("link", "off"), random(), SCENE)
     arrived: list[Setpoint] = []
 
-    def receive(given: Setpoint) -> Setpoint:
-        arrived.append(given)
-        return given
+    def receive(setpoints: Setpoint) -> Setpoint:
+        arrived.append(setpoints)
+        return setpoints
 
     send, _ = faulty.wrap(receive, lambda _command: None)
     for time in TIMES:
         faulty.deliver(float(time))
         assert send(setpoint(time)).active.all()
     off = (TIMES >= 0.5) & (TIMES < 1.5)
-    np.testing.assert_array_equal([one.active[1] for one in arrived], ~off)
-    assert all(one.active[[0, 2]].all() for one in arrived)
+    np.testing.assert_array_equal([arrival.active[1] for arrival in arrived], ~off)
+    assert all(arrival.active[[0, 2]].all() for arrival in arrived)
 
 
 def test_a_plugin_fails_in_the_given_fraction_of_its_calls() -> None:
@@ -122,10 +122,14 @@ def test_exchanged_landmarks_are_at_the_positions_of_each_other() -> None:
     tags = [Tag(i, 0.1, (float(i), 0.0, 1.0), level, name) for i, name in enumerate("abc")]
     world = World("room", SCENE.world.fence, landmarks=tuple(tags))
     swapped = Fault("tags", "wrong", 0.0, {}, {"swap": True, "tags": ["a", "c"]} | MOVED, 0)
-    found = FaultInjector(SCENE, [swapped])._world(world).landmarks
-    assert [tag.position[0] for tag in found] == [2.0, 1.0, 0.0]
+    landmarks = FaultInjector(SCENE, [swapped])._world(world).landmarks
+    assert [tag.position[0] for tag in landmarks] == [2.0, 1.0, 0.0]
     moved = Fault("tags", "wrong", 0.0, {}, {"swap": False, "tags": ["b"]} | MOVED, 0)
-    found = FaultInjector(SCENE, [moved])._world(world).landmarks
-    assert [tag.position for tag in found] == [(0.0, 0.0, 1.0), (1.0, 0.3, 1.0), (2.0, 0.0, 1.0)]
+    landmarks = FaultInjector(SCENE, [moved])._world(world).landmarks
+    assert [tag.position for tag in landmarks] == [
+        (0.0, 0.0, 1.0),
+        (1.0, 0.3, 1.0),
+        (2.0, 0.0, 1.0),
+    ]
     gone = Fault("tags", "off", 0.0, {}, {"tags": ["b"]}, 0)
     assert [tag.of for tag in FaultInjector(SCENE, [gone])._world(world).landmarks] == ["a", "c"]

@@ -74,11 +74,11 @@ def test_hostile_recordings_cost_their_own_messages(
     monkeypatch.setattr(zstandard, "decompress", note)
     path = tmp_path / FILE
     path.write_bytes(WHOLE + HOSTILE[attack])
-    found = recover(path)
-    assert found.messages >= 1
+    recovery = recover(path)
+    assert recovery.messages >= 1
     assert sum(unpacked) <= 100
     assert path.stat().st_size < 10_000
-    assert recover(path) == found._replace(lost=0)
+    assert recover(path) == recovery._replace(lost=0)
     assert [each.name for each in tmp_path.iterdir()] == [FILE]
 
 

@@ -28,7 +28,7 @@ def flown(
 ) -> Deadlocks:
     """What is counted of agents that are somewhere and want to go somewhere, all on one axis."""
     n = len(tracks)
-    found = Deadlocks(n)
+    counter = Deadlocks(n)
     for time in np.arange(0.0, seconds, 0.05):
         position, goal = np.zeros((n, 3)), np.zeros((n, 3))
         position[:, 0] = [at(time) for at, _ in tracks]
@@ -42,15 +42,15 @@ def flown(
             estimate=SimpleNamespace(position=position),
             plan=SimpleNamespace(paths=paths, setpoint=setpoint),
         )
-        found.add(cast("Tick", tick))
-    return found
+        counter.add(cast("Tick", tick))
+    return counter
 
 
 def deadlocks(x: Track, seconds: float, goal: Track = lambda _time: 5.0, **options: Any) -> int:
     """Return how often a lone agent at `x` on its way to `goal` is in a deadlock."""
-    found = flown([(x, goal)], seconds, **options)
-    assert found.waits == found.count  # an agent that waits, waits for none
-    return found.count
+    counter = flown([(x, goal)], seconds, **options)
+    assert counter.waits == counter.count  # an agent that waits, waits for none
+    return counter.count
 
 
 def stands(x: float, goal: float) -> tuple[Track, Track]:
@@ -112,18 +112,18 @@ def test_a_way_round_counts_by_what_is_left_of_it() -> None:
 
 
 def test_an_agent_that_stands_behind_one_that_gets_on_waits() -> None:
-    found = flown([stands(0.0, 5.0), crawls(0.5, 5.0)], 20.0)
-    assert (found.waits, found.count) == (1, 0)
+    counter = flown([stands(0.0, 5.0), crawls(0.5, 5.0)], 20.0)
+    assert (counter.waits, counter.count) == (1, 0)
 
 
 def test_agents_queued_behind_a_moving_agent_wait() -> None:
-    found = flown([stands(-0.8, 5.0), stands(0.0, 5.0), crawls(0.5, 5.0)], 20.0)
-    assert (found.waits, found.count) == (2, 0)
+    counter = flown([stands(-0.8, 5.0), stands(0.0, 5.0), crawls(0.5, 5.0)], 20.0)
+    assert (counter.waits, counter.count) == (2, 0)
 
 
 def test_face_to_face_agents_and_their_queue_are_deadlocked() -> None:
-    found = flown([stands(-0.5, 5.0), stands(0.0, 5.0), stands(0.5, -5.0)], 20.0)
-    assert (found.waits, found.count) == (3, 3)
+    counter = flown([stands(-0.5, 5.0), stands(0.0, 5.0), stands(0.5, -5.0)], 20.0)
+    assert (counter.waits, counter.count) == (3, 3)
 
 
 def test_that_one_behind_or_far_ahead_gets_on_helps_no_agent() -> None:
@@ -132,8 +132,8 @@ def test_that_one_behind_or_far_ahead_gets_on_helps_no_agent() -> None:
 
 
 def test_agents_behind_an_arrived_agent_are_deadlocked() -> None:
-    found = flown([stands(0.0, 5.0), stands(0.5, 0.5)], 20.0)
-    assert (found.waits, found.count) == (1, 1)
+    counter = flown([stands(0.0, 5.0), stands(0.5, 0.5)], 20.0)
+    assert (counter.waits, counter.count) == (1, 1)
 
 
 def test_waits_become_deadlocks_when_the_last_mover_stops() -> None:
@@ -146,11 +146,11 @@ def test_waits_become_deadlocks_when_the_last_mover_stops() -> None:
 @given(st.integers(0, 2**32 - 1))
 def test_more_moving_agents_never_reduce_the_waiting_agents(seed: int) -> None:
     random = np.random.default_rng(seed)
-    position, wanted = random.uniform(-1, 1, (2, 12, 3))
+    position, goal = random.uniform(-1, 1, (2, 12, 3))
     few = random.random(12) < 0.2
     more = few | (random.random(12) < 0.2)
     near = Pairs.of(position, WAITING_DISTANCE)
-    some, others = (waiting(near, position, wanted, rows) for rows in (few, more))
+    some, others = (waiting(near, position, goal, rows) for rows in (few, more))
     assert some[few].all()
     assert others[some].all()
-    assert not waiting(near, position, wanted, np.zeros(12, np.bool_)).any()
+    assert not waiting(near, position, goal, np.zeros(12, np.bool_)).any()

@@ -34,10 +34,10 @@ def flown(
         position[:, 1] = pitch * np.arange(n)
         velocity = noise * draw.standard_normal((n, 3))
         velocity[:, 0] += speeds
-        there = position + np.array([goal, 0.0, 0.0])
+        target = position + np.array([goal, 0.0, 0.0])
         tick = SimpleNamespace(
             time=float(time),
-            goals=Goals(there, np.zeros((n, 3)), np.zeros(n), np.ones(n), np.ones(n, np.bool_)),
+            goals=Goals(target, np.zeros((n, 3)), np.zeros(n), np.ones(n), np.ones(n, np.bool_)),
             health=SimpleNamespace(phase=np.full(n, int(AgentPhase.FLYING))),
             estimate=SimpleNamespace(
                 position=position, velocity=velocity, covariance=covariances(n, std)

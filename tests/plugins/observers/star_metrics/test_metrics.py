@@ -22,36 +22,40 @@ KEYS = (
 
 
 def measured(
-    truth: Any, *, seen: Any = None, phases: Sequence[AgentPhase] | None = None, known: bool = True
+    truth: Any,
+    *,
+    estimate: Any = None,
+    phases: Sequence[AgentPhase] | None = None,
+    has_truth: bool = True,
 ) -> dict[str, Any]:
     """What is measured of a flight of ticks 0.05 s apart.
 
     Args:
         truth: (T, N, 3) positions of the agents, m.
-        seen: (T, N, 3) estimated positions, m; the true ones if not given.
+        estimate: (T, N, 3) estimated positions, m; the true ones if not given.
         phases: (T) the phase of all agents at each tick; flying if not given.
-        known: Whether there is a ground truth.
+        has_truth: Whether there is a ground truth.
     """
     track = np.array(truth, np.float64)
     t, n, _ = track.shape
     metrics = FlightMetrics(scene(n), print)
     for k in range(t):
         phase = [FLYING if phases is None else phases[k]] * n
-        where = track[k] if seen is None else np.array(seen)[k]
-        metrics.star_ticked(tick(k * PERIOD, where, track[k] if known else None, phase))
+        where = track[k] if estimate is None else np.array(estimate)[k]
+        metrics.star_ticked(tick(k * PERIOD, where, track[k] if has_truth else None, phase))
     return metrics.star_summary()
 
 
 def test_the_error_is_in_space() -> None:
-    summary = measured([[[0, 0, 1]]], seen=[[[0.2, 0.3, 1.6]]])
+    summary = measured([[[0, 0, 1]]], estimate=[[[0.2, 0.3, 1.6]]])
     assert summary["position_rmse_m"] == pytest.approx(0.7)
     assert summary["position_worst_m"] == pytest.approx(0.7)
 
 
 def test_position_error_is_estimate_minus_truth() -> None:
     truth = [[[0, 0, 1], [0, 1, 1]]] * 2
-    seen = [[[0, 0, 1], [0.3, 1.4, 1]], [[0, 0, 1], [0, 1, 1]]]
-    summary = measured(truth, seen=seen)
+    estimate = [[[0, 0, 1], [0.3, 1.4, 1]], [[0, 0, 1], [0, 1, 1]]]
+    summary = measured(truth, estimate=estimate)
     assert summary["position_mse_m2"] == {
         "mean": pytest.approx(0.25 / 4),
         "std": pytest.approx(np.std([0, 0.25, 0, 0])),
@@ -64,18 +68,20 @@ def test_position_error_is_estimate_minus_truth() -> None:
 def test_position_error_counts_located_ticks_of_lost_agents() -> None:
     truth = [[[0.0, 0.0, 1.0]]] * 5
     unknown = [[np.nan, 0.0, 1.0]]
-    seen = [[[7.0, 0.0, 1.0]], [[0.5, 0.0, 1.0]], [[1.5, 0.0, 1.0]], unknown, [[9.0, 0.0, 1.0]]]
+    estimate = [[[7.0, 0.0, 1.0]], [[0.5, 0.0, 1.0]], [[1.5, 0.0, 1.0]], unknown, [[9.0, 0.0, 1.0]]]
     phases = [AgentPhase.LOST, FLYING, AgentPhase.LOST, AgentPhase.LOST, LANDING]
-    summary = measured(truth, seen=seen, phases=phases)
+    summary = measured(truth, estimate=estimate, phases=phases)
     assert summary["position_mse_m2"]["mean"] == pytest.approx((0.25 + 2.25) / 2)
     assert summary["position_worst_m"] == pytest.approx(1.5)
 
 
 def test_position_error_excludes_takeoff_and_landing() -> None:
     truth = [[[0.0, 0.0, 1.0]]] * 4
-    seen = [[[9.0, 0.0, 1.0]], [[0.5, 0.0, 1.0]], [[0.5, 0.0, 1.0]], [[9.0, 0.0, 1.0]]]
+    estimate = [[[9.0, 0.0, 1.0]], [[0.5, 0.0, 1.0]], [[0.5, 0.0, 1.0]], [[9.0, 0.0, 1.0]]]
     phases = [AgentPhase.TAKING_OFF, FLYING, FLYING, LANDING]
-    assert measured(truth, seen=seen, phases=phases)["position_rmse_m"] == pytest.approx(0.5)
+    assert measured(truth, estimate=estimate, phases=phases)["position_rmse_m"] == pytest.approx(
+        0.5
+    )
 
 
 def test_an_agent_that_never_flew_has_no_position_error() -> None:
@@ -88,7 +94,7 @@ def test_an_agent_that_never_flew_has_no_position_error() -> None:
 
 @pytest.mark.parametrize("phase", [FLYING, LANDING])
 def test_position_error_is_none_without_truth_or_flight(phase: AgentPhase) -> None:
-    summary = measured(apart(1.0), phases=[phase], known=phase is LANDING)
+    summary = measured(apart(1.0), phases=[phase], has_truth=phase is LANDING)
     assert (summary["position_mse_m2"], summary["position_rmse_m"]) == (None, None)
 
 
@@ -102,7 +108,7 @@ def test_the_path_is_as_long_as_its_legs_together() -> None:
 
 def test_the_path_leaves_out_where_an_agent_was_nowhere() -> None:
     track = [[[0, 0, 0]], [[1, 0, 0]], [[np.nan] * 3], [[5, 0, 0]], [[5, 2, 0]]]
-    assert measured(track, known=False)["path_length_m"]["total"] == pytest.approx(3.0)
+    assert measured(track, has_truth=False)["path_length_m"]["total"] == pytest.approx(3.0)
 
 
 @pytest.mark.parametrize(("other", "total"), [(0.0, 1.0), (np.nan, None)])
