@@ -99,12 +99,12 @@ def test_later_factors_set_options_of_earlier_choices(study: Write, registry: Re
 def test_without_factors_the_missions_are_flown_as_they_are(
     study: Write, registry: Registry
 ) -> None:
-    found = read(study(HOP), registry)
-    assert [condition.names for condition in found.conditions] == [("hop",)]
+    ablation = read(study(HOP), registry)
+    assert [condition.names for condition in ablation.conditions] == [("hop",)]
 
 
 @pytest.mark.parametrize(
-    ("given", "wanted", "seeds"),
+    ("text", "count", "seeds"),
     [
         ("3", None, (0, 1, 2)),
         ("{count: 2}", None, (0, 1)),
@@ -115,9 +115,9 @@ def test_without_factors_the_missions_are_flown_as_they_are(
     ],
 )
 def test_seeds_are_counted_or_listed(
-    given: str, wanted: int | None, seeds: tuple[int, ...], study: Write, registry: Registry
+    text: str, count: int | None, seeds: tuple[int, ...], study: Write, registry: Registry
 ) -> None:
-    assert read(study(f"{HOP}seeds: {given}\n"), registry, wanted).seeds == seeds
+    assert read(study(f"{HOP}seeds: {text}\n"), registry, count).seeds == seeds
 
 
 def test_own_seeds_fly_each_mission_once_with_its_seed(study: Write, registry: Registry) -> None:
@@ -142,8 +142,8 @@ def test_a_number_of_seeds_does_not_go_with_own_seeds(study: Write, registry: Re
 
 
 def test_seeds_in_another_word_than_own_are_refused(study: Write, registry: Registry) -> None:
-    (found,) = problems(study(f"{HOP}seeds: mine\n"), registry)
-    assert found.startswith("4:8: seeds: 'mine' is not possible here: expected a number of seeds")
+    (problem,) = problems(study(f"{HOP}seeds: mine\n"), registry)
+    assert problem.startswith("4:8: seeds: 'mine' is not possible here: expected a number of seeds")
 
 
 def test_a_run_flies_with_its_seed(study: Write, registry: Registry) -> None:
@@ -178,8 +178,8 @@ def test_camera_files_of_levels_are_part_of_the_run_key(study: Write, registry: 
     folder = path.parents[1]
     for name, width in (("a", 320), ("b", 322)):
         (folder / f"{name}.yaml").write_text(f"star: 1\nname: {name}\nwidth: {width}\n")
-    one, two = read(path, registry).conditions
-    assert [c.mission.source["cameras"]["own"]["width"] for c in (one, two)] == [320, 322]
+    first, second = read(path, registry).conditions
+    assert [c.mission.source["cameras"]["own"]["width"] for c in (first, second)] == [320, 322]
     before = [run.key for run in read(path, registry).runs()]
     (folder / "b.yaml").write_text("star: 1\nname: b\nwidth: 324\n")
     after = [run.key for run in read(path, registry).runs()]
@@ -217,14 +217,14 @@ def test_another_version_of_a_plugin_changes_the_key(
 def test_a_mistake_is_refused_at_its_location(
     text: str, where: str, code: str, study: Write, registry: Registry
 ) -> None:
-    (found,) = problems(study(text), registry)
-    assert found.startswith(f"{where}: ")
-    assert found.endswith(f"[{code}]")
+    (problem,) = problems(study(text), registry)
+    assert problem.startswith(f"{where}: ")
+    assert problem.endswith(f"[{code}]")
 
 
 def test_a_similar_file_is_suggested(study: Write, registry: Registry) -> None:
-    (found,) = problems(study("missions: [../hip.yaml]\n"), registry)
-    assert "did you mean '../hop.yaml'?" in found
+    (problem,) = problems(study("missions: [../hip.yaml]\n"), registry)
+    assert "did you mean '../hop.yaml'?" in problem
 
 
 def test_a_link_does_not_lead_out_of_the_folder(
@@ -233,8 +233,8 @@ def test_a_link_does_not_lead_out_of_the_folder(
     path = study("missions: [link.yaml]\n")
     (tmp_path / "elsewhere.yaml").write_text("star: 1\n")
     (path.parent / "link.yaml").symlink_to(tmp_path / "elsewhere.yaml")
-    (found,) = problems(path, registry)
-    assert "'link.yaml' is outside the folder above the study's" in found
+    (problem,) = problems(path, registry)
+    assert "'link.yaml' is outside the folder above the study's" in problem
 
 
 def test_two_missions_of_one_name_cannot_be_distinguished(study: Write, registry: Registry) -> None:
@@ -251,17 +251,17 @@ def test_what_a_level_sets_wrongly_is_located_in_the_study(
     study: Write, registry: Registry
 ) -> None:
     path = study(HOP + "factors: {radius: {odd: {avoider: {use: orca, radius: -1}}, even: {}}}\n")
-    (found,) = problems(path, registry)
-    assert found.startswith("4:35: ")
-    assert "; with radius: odd [" in found
-    assert "-1" in found
+    (problem,) = problems(path, registry)
+    assert problem.startswith("4:35: ")
+    assert "; with radius: odd [" in problem
+    assert "-1" in problem
 
 
 def test_levels_invalid_for_every_mission_are_reported_once(
     study: Write, registry: Registry
 ) -> None:
-    given = "missions: [../hop.yaml, ../jump.yaml]\nfactors: {fast: {very: {rate: -1}}}\n"
-    (problem,) = problems(study(given), registry)
+    text = "missions: [../hop.yaml, ../jump.yaml]\nfactors: {fast: {very: {rate: -1}}}\n"
+    (problem,) = problems(study(text), registry)
     assert "-1" in problem
 
 
@@ -270,9 +270,9 @@ def test_mission_problems_at_every_level_are_reported_once(
 ) -> None:
     path = study(HOP + "factors: {rate: {a: {rate: 10}, b: {rate: 20}}}\n")
     (path.parents[1] / "hop.yaml").write_text("star: 1\nname: hop\n")
-    found = problems(path, registry)
-    assert len(found) == len(set(found)) > 0
-    assert all("hop.yaml:1:1: " in problem and "; with" not in problem for problem in found)
+    messages = problems(path, registry)
+    assert len(messages) == len(set(messages)) > 0
+    assert all("hop.yaml:1:1: " in problem and "; with" not in problem for problem in messages)
 
 
 def test_the_schema_has_the_defaults_that_are_used() -> None:

@@ -57,9 +57,9 @@ def warnings(
     """The warnings about the mission with one of its texts replaced, and with changes."""
     Path("hop.yaml").write_text(MISSION.replace(old, new) if old else MISSION)
     Path("room.yaml").write_text(WORLD + world)
-    text, found = check_file(Path("hop.yaml"), Registry(*plugins), changes)
+    text, messages = check_file(Path("hop.yaml"), Registry(*plugins), changes)
     assert text == "hop.yaml: 'hop' can be flown, with 2 agents"
-    return list(found)
+    return list(messages)
 
 
 def test_a_good_mission_has_no_warnings() -> None:
@@ -139,9 +139,9 @@ def test_without_corrected_heights_every_edge_is_one() -> None:
     changes, trusts = (*RANGER, "localizer=ranger"), Heights(corrects=False)
     (over,) = warnings("", "", LOW_WALL, trusts, changes=changes)
     assert over.endswith("it climbs by 0.60 m [over-obstacle]")
-    found = warnings("[-1, 0, 0]", "[-1, 0, 0.5]", TABLE, trusts, changes=changes)
-    assert "cf1 flies over the floor" in found[-1]
-    assert found[-1].endswith("it sinks by 0.40 m [over-obstacle]")
+    edges = warnings("[-1, 0, 0]", "[-1, 0, 0.5]", TABLE, trusts, changes=changes)
+    assert "cf1 flies over the floor" in edges[-1]
+    assert edges[-1].endswith("it sinks by 0.40 m [over-obstacle]")
 
 
 def test_a_planner_leads_over_an_obstacle_or_around_it() -> None:
@@ -175,8 +175,8 @@ def test_undeclared_obstacle_avoidance_is_none() -> None:
 
 
 def test_undeclared_heights_are_above_the_surface() -> None:
-    found = warnings("", "", LOW_WALL, Silent(), changes=("transport=link",))
-    assert "[over-obstacle]" in "".join(found)
+    messages = warnings("", "", LOW_WALL, Silent(), changes=("transport=link",))
+    assert "[over-obstacle]" in "".join(messages)
 
 
 def test_an_undeclared_transport_is_in_real_time() -> None:

@@ -163,8 +163,8 @@ def test_keys_of_maps_are_described_too() -> None:
 
 def test_recursive_options_are_described_to_a_limited_depth() -> None:
     tree = {"type": "object", "properties": {"in": {"$ref": "#/$defs/tree"}}}
-    found = with_options({"tree": {"$ref": "#/$defs/tree"}}, **{"$defs": {"tree": tree}})
-    assert found[-1] == "tree.in.in.in.in: map"
+    lines = with_options({"tree": {"$ref": "#/$defs/tree"}}, **{"$defs": {"tree": tree}})
+    assert lines[-1] == "tree.in.in.in.in: map"
 
 
 @pytest.mark.parametrize(
@@ -179,12 +179,12 @@ def test_a_default_is_shown_as_a_mission_writes_it(default: object, shown: str) 
 def test_descriptions_fit_the_terminal(columns: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", columns)
     plugins = Registry()
-    text = "\n".join(describe(kind, one) for kind, one in chosen(plugins)) + table(plugins)
+    text = "\n".join(describe(kind, plugin) for kind, plugin in chosen(plugins)) + table(plugins)
     assert max(map(len, text.splitlines())) <= min(100, int(columns))
 
 
 @pytest.mark.parametrize(
-    ("name", "found"),
+    ("name", "matches"),
     [
         ("sim", {("transport", "sim")}),
         ("mcap", {("command", "recover"), ("observer", "mcap")}),
@@ -192,10 +192,10 @@ def test_descriptions_fit_the_terminal(columns: str, monkeypatch: pytest.MonkeyP
     ],
 )
 def test_names_match_plugins_entry_points_and_kinds(
-    name: str, found: set[tuple[str, str]], monkeypatch: pytest.MonkeyPatch
+    name: str, matches: set[tuple[str, str]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.delenv("STAR_BLOCK_PLUGINS")  # of the plugin mcap
-    assert {(kind, one.offer.name) for kind, one in chosen(Registry(), name)} == found
+    assert {(kind, plugin.offer.name) for kind, plugin in chosen(Registry(), name)} == matches
 
 
 def test_a_verb_is_a_task() -> None:
@@ -215,8 +215,8 @@ def test_observers_are_the_plugins_that_observe_flights() -> None:
         @hookimpl
         def star_ticked(self) -> None: ...
 
-    ((kind, found),) = chosen(Registry(Advisor(), Watcher(), installed=False))
-    assert (kind, found.offer.summary) == ("observer", "Counts nothing.")
+    ((kind, plugin),) = chosen(Registry(Advisor(), Watcher(), installed=False))
+    assert (kind, plugin.offer.summary) == ("observer", "Counts nothing.")
 
 
 def test_an_unknown_name_is_refused_with_the_nearest_one(printed: Printed) -> None:
@@ -267,9 +267,9 @@ def test_the_json_holds_options_that_are_mappings_of_any_kind() -> None:
 def test_built_in_plugins_are_listed_in_order_of_kind(printed: Printed) -> None:
     assert main(["plugins", "--json"]) == 0
     plugins = json.loads(printed.readouterr().out)["plugins"]
-    found = [(plugin["kind"], plugin["name"]) for plugin in plugins]
+    listing = [(plugin["kind"], plugin["name"]) for plugin in plugins]
     kinds = (*Registry().kinds, "observer")
-    assert found == sorted(found, key=lambda one: (kinds.index(one[0]), one[1]))
+    assert listing == sorted(listing, key=lambda row: (kinds.index(row[0]), row[1]))
     assert {
         ("transport", "sim"),
         ("localizer", "flow"),
@@ -277,14 +277,14 @@ def test_built_in_plugins_are_listed_in_order_of_kind(printed: Printed) -> None:
         ("avoider", "none"),
         ("avoider", "orca"),
         *(("task", verb) for verb in ("follow", "goto", "hold", "land", "takeoff")),
-    } <= set(found)
+    } <= set(listing)
 
 
 def test_every_option_of_a_built_in_plugin_has_a_description() -> None:
-    for kind, found in Registry():
-        options = getattr(found.offer, "options", {})  # a command has none
+    for kind, plugin in Registry():
+        options = getattr(plugin.offer, "options", {})  # a command has none
         for name, option in options.get("properties", {}).items():
-            assert option.get("description"), f"{kind} {found.offer.name}: {name}"
+            assert option.get("description"), f"{kind} {plugin.offer.name}: {name}"
 
 
 # star plugins, star schema
@@ -336,8 +336,8 @@ def test_left_out_plugins_are_reported_on_stderr_too(
             return True
 
     own = entry_points(group="star.plugins", name="basics")
-    found = "star_core.discovery.entry_points"
-    monkeypatch.setattr(found, lambda **_: [*own, Broken()])
+    lookup = "star_core.discovery.entry_points"
+    monkeypatch.setattr(lookup, lambda **_: [*own, Broken()])
     assert main(["plugins"]) == 0
     out, err = printed.readouterr()
     assert err == "star: plugin broken is left out: ImportError: no torch\n"

@@ -66,8 +66,8 @@ def a_screen(monkeypatch: pytest.MonkeyPatch) -> Screen:
 def shown(progress: FlightProgress, *ticks: Tick, agents: int) -> None:
     """Show ticks of a flight, long enough to be drawn."""
     progress.star_mission_started(flight(agents), Operator())
-    for one in ticks:
-        progress.star_ticked(one)
+    for tick in ticks:
+        progress.star_ticked(tick)
     time.sleep(5 * REFRESH_PERIOD)
     progress.star_mission_ended({})
 

@@ -50,14 +50,14 @@ def test_a_campaign_is_flown_and_goes_on_where_it_stopped(tmp_path: Path, capsys
     assert told.out.endswith(f"results: {out}\nreport: {out / 'report.html'}\n")
     assert (out / "bench.md").read_text() in told.out
     table = csv.DictReader((out / "bench.csv").read_text().splitlines())
-    found = {(row["avoider"], row["scenario"]): row for row in table}
-    assert list(found) == [
+    rows = {(row["avoider"], row["scenario"]): row for row in table}
+    assert list(rows) == [
         ("none", "stack"),
         ("orca radius 0.15", "stack"),
         ("none", "all"),
         ("orca radius 0.15", "all"),
     ]
-    row = found["orca radius 0.15", "stack"]
+    row = rows["orca radius 0.15", "stack"]
     assert (row["runs"], row["success"], row["agent-agent collisions"]) == ("1", "1.0", "0")
     assert 1.0 <= float(row["time ratio"]) < 3.0
     assert 1.0 <= float(row["path ratio"]) < 1.5
@@ -197,15 +197,15 @@ def test_interrupted_campaigns_leave_an_incomplete_table(tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize(
-    ("word", "found"),
+    ("word", "plugin"),
     [
         ("orca", ("orca", {})),
         ("orca=radius:0.25", ("orca", {"radius": 0.25})),
         ("a=b:c,d:null,e:true", ("a", {"b": "c", "d": None, "e": True})),
     ],
 )
-def test_a_word_is_a_name_with_options(word: str, found: object) -> None:
-    assert named("--avoiders", word) == found
+def test_a_word_is_a_name_with_options(word: str, plugin: object) -> None:
+    assert named("--avoiders", word) == plugin
 
 
 @pytest.mark.parametrize("word", ["=a:1", "a=", "a=b", "a=:1", "a=b:", "a=b:1,"])

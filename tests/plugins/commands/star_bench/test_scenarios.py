@@ -41,10 +41,10 @@ def spots(scenario: Scenario) -> list[Sequence[tuple[float, ...]]]:
 
 
 def walls(scenario: Scenario) -> MultiPolygon | Polygon:
-    pieces = [obstacle(name, given) for name, given in scenario.obstacles.items()]
-    found = union_all([Polygon(polygon) for piece in pieces for polygon in piece.polygons])
-    assert isinstance(found, MultiPolygon | Polygon)
-    return found
+    pieces = [obstacle(name, description) for name, description in scenario.obstacles.items()]
+    area = union_all([Polygon(polygon) for piece in pieces for polygon in piece.polygons])
+    assert isinstance(area, MultiPolygon | Polygon)
+    return area
 
 
 @given(cases)
@@ -107,8 +107,8 @@ def test_every_scenario_is_a_mission_that_can_be_flown(
     path.write_text(text(mission_lines(case, case.draw())))
     mission = load(path, Registry())
     assert (len(mission.scene.agents), mission.scene.seed) == (agents, 3)
-    wanted = {"noise": False, "profile": "ideal", "controller": "ideal"}
-    assert mission.plugins["transport"].written == wanted
+    options = {"noise": False, "profile": "ideal", "controller": "ideal"}
+    assert mission.plugins["transport"].written == options
 
 
 @pytest.mark.parametrize("agents", [4, 9, 64])
@@ -183,11 +183,11 @@ def test_drones_pass_between_any_two_polygons(seed: int) -> None:
 def test_stack_pairs_meet_vertically_and_swap_heights_and_sides() -> None:
     scenario = Case("stack", 8, 0).draw()
     meet, end = scenario.legs
-    for one in range(0, 8, 2):
-        assert math.dist(meet[one][:2], meet[one + 1][:2]) <= 0.1
-        assert abs(meet[one][2] - meet[one + 1][2]) > 0.6
-        assert end[one][2] == meet[one + 1][2] == scenario.heights[one + 1]
-        assert scenario.starts[one][0] * end[one][0] < 0
+    for agent in range(0, 8, 2):
+        assert math.dist(meet[agent][:2], meet[agent + 1][:2]) <= 0.1
+        assert abs(meet[agent][2] - meet[agent + 1][2]) > 0.6
+        assert end[agent][2] == meet[agent + 1][2] == scenario.heights[agent + 1]
+        assert scenario.starts[agent][0] * end[agent][0] < 0
 
 
 def test_a_field_that_is_too_small_has_no_room() -> None:

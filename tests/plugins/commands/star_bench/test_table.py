@@ -49,18 +49,18 @@ def flown(outcome: str = "completed", **measures: Any) -> StudyFlight:
     return StudyFlight("a", {}, 0, outcome, "", 1.0, summary)
 
 
-def flight(**known: float | None) -> Metrics:
+def flight(**figures: float | None) -> Metrics:
     """The metrics of a flight; their names are the first words of columns."""
     metrics: dict[str, float | None] = {"runs": 1, "success": 1.0}
-    for name, value in known.items():
+    for name, value in figures.items():
         words = name.replace("agent_agent", "agent-agent").replace("_", " ")
         metrics[next(column for column in COLUMNS if column.startswith(words))] = value
     return metrics
 
 
 def cells(*flights: Metrics) -> dict[str, float | None]:
-    ((_, found), _) = rows([(KEY, one) for one in flights])
-    return dict(zip(COLUMNS, found, strict=True))
+    ((_, figures), _) = rows([(KEY, run) for run in flights])
+    return dict(zip(COLUMNS, figures, strict=True))
 
 
 # Metrics of one flight
@@ -119,7 +119,7 @@ def test_a_flight_succeeds_if_it_completes_and_nothing_is_hit(
 
 
 def test_figures_are_read_from_the_summary() -> None:
-    found = metrics(
+    figures = metrics(
         flown(
             deadlocks=2,
             waits=7,
@@ -132,18 +132,18 @@ def test_figures_are_read_from_the_summary() -> None:
         TWO,
         0.5,
     )
-    assert (found["deadlocks"], found["waits"]) == (2, 7)
-    assert (found["min separation (m)"], found["min clearance (m)"]) == (0.4, 0.25)
-    assert (found["time ratio"], found["path ratio"]) == (2.0, 1.0)
-    assert found["corrected"] == 5
-    times = [found[f"{plugin} (us)"] for plugin in ("avoider", "planner", "localizer", "safety")]
+    assert (figures["deadlocks"], figures["waits"]) == (2, 7)
+    assert (figures["min separation (m)"], figures["min clearance (m)"]) == (0.4, 0.25)
+    assert (figures["time ratio"], figures["path ratio"]) == (2.0, 1.0)
+    assert figures["corrected"] == 5
+    times = [figures[f"{plugin} (us)"] for plugin in ("avoider", "planner", "localizer", "safety")]
     assert times == [12.5, 3.0, None, None]
 
 
 def test_what_a_summary_does_not_have_is_not_known() -> None:
-    found = metrics(flown(), TWO, 0.5)
-    known = {name for name, value in found.items() if value is not None}
-    assert known == {
+    figures = metrics(flown(), TWO, 0.5)
+    names = {name for name, value in figures.items() if value is not None}
+    assert names == {
         "runs",
         "success",
         "agent-agent collisions",
@@ -154,15 +154,15 @@ def test_what_a_summary_does_not_have_is_not_known() -> None:
 
 def test_a_flight_that_did_not_complete_has_no_path_ratio() -> None:
     lengths = {"d1": 7.0, "d2": 3.0}
-    found = metrics(flown(outcome="failed", path_length_m__per_agent=lengths), TWO, 0.5)
-    assert found["path ratio"] is None
+    figures = metrics(flown(outcome="failed", path_length_m__per_agent=lengths), TWO, 0.5)
+    assert figures["path ratio"] is None
 
 
 # The table
 
 
 def test_counts_are_sums_distances_least_and_ratios_means() -> None:
-    found = cells(
+    totals = cells(
         flight(
             agent_agent_collisions=1,
             deadlocks=2,
@@ -180,10 +180,10 @@ def test_counts_are_sums_distances_least_and_ratios_means() -> None:
             path_ratio=1.4,
         ),
     )
-    assert found["runs"] == 2
-    assert (found["agent-agent collisions"], found["deadlocks"], found["waits"]) == (4, 2, 5)
-    assert found["min separation (m)"] == 0.2
-    assert (found["time ratio"], found["path ratio"]) == pytest.approx((2.0, 1.3))
+    assert totals["runs"] == 2
+    assert (totals["agent-agent collisions"], totals["deadlocks"], totals["waits"]) == (4, 2, 5)
+    assert totals["min separation (m)"] == 0.2
+    assert (totals["time ratio"], totals["path ratio"]) == pytest.approx((2.0, 1.3))
 
 
 def test_success_is_the_share_of_flights() -> None:
@@ -191,14 +191,14 @@ def test_success_is_the_share_of_flights() -> None:
 
 
 def test_what_some_flights_lack_is_summed_up_over_the_others() -> None:
-    found = cells(flight(time_ratio=1.5, min_separation=None), flight(time_ratio=None))
-    assert found["time ratio"] == 1.5
-    assert found["min separation (m)"] is None
+    totals = cells(flight(time_ratio=1.5, min_separation=None), flight(time_ratio=None))
+    assert totals["time ratio"] == 1.5
+    assert totals["min separation (m)"] is None
 
 
 def test_compute_is_a_mean_for_each_part() -> None:
-    found = cells(flight(avoider=1.0, planner=2.0), flight(avoider=3.0))
-    assert (found["avoider (us)"], found["planner (us)"]) == (2.0, 2.0)
+    means = cells(flight(avoider=1.0, planner=2.0), flight(avoider=3.0))
+    assert (means["avoider (us)"], means["planner (us)"]) == (2.0, 2.0)
 
 
 def test_flights_are_grouped_and_pooled_by_avoider_and_setting() -> None:
@@ -208,12 +208,12 @@ def test_flights_are_grouped_and_pooled_by_avoider_and_setting() -> None:
         Key("none", "disc", "2", "default", "flow"),
         Key("orca", "circle", "2", "ideal", "exact"),
     ]
-    found = rows([(key, flight(agent_agent_collisions=1)) for key in keys])
+    table = rows([(key, flight(agent_agent_collisions=1)) for key in keys])
     pooled = {
         tuple(key): line[list(COLUMNS).index("agent-agent collisions")]
-        for key, line in found[len(keys) :]
+        for key, line in table[len(keys) :]
     }
-    assert [key for key, _ in found[: len(keys)]] == keys
+    assert [key for key, _ in table[: len(keys)]] == keys
     assert pooled == {
         ("none", "all", "all", "ideal", "exact"): 2,
         ("none", "all", "all", "default", "flow"): 1,
