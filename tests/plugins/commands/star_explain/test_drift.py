@@ -49,10 +49,10 @@ def test_short_flights_and_agents_on_the_ground_are_safe(
 def test_flights_too_long_too_near_or_too_inexact_are_warned_of(
     warnings: Warn, change: str
 ) -> None:
-    (found,) = warnings(change)
-    assert found.split(": warning: ")[0].endswith("m.yaml:8:12")
-    assert "cf1, cf2 are" in found
-    assert found.endswith("[drift-exceeds-separation]")
+    (warning,) = warnings(change)
+    assert warning.split(": warning: ")[0].endswith("m.yaml:8:12")
+    assert "cf1, cf2 are" in warning
+    assert warning.endswith("[drift-exceeds-separation]")
 
 
 @pytest.mark.parametrize(
@@ -102,25 +102,25 @@ def warned(warn: Warn) -> Warn:
 
 
 def test_one_agent_that_drifts_near_an_obstacle_is_warned_of(warned: Warn) -> None:
-    (found,) = warned(PILLAR)
-    assert found.split(": warning: ")[0].endswith("m.yaml:8:12")
-    assert "cf1 is 0.6 m from obstacle 'pillar' after about" in found
-    assert found.endswith("[drift-exceeds-clearance]")
+    (warning,) = warned(PILLAR)
+    assert warning.split(": warning: ")[0].endswith("m.yaml:8:12")
+    assert "cf1 is 0.6 m from obstacle 'pillar' after about" in warning
+    assert warning.endswith("[drift-exceeds-clearance]")
     assert warned(PILLAR, "limits.uncertainty_margin=0") == []
     assert warned(PILLAR, "mission.1.hold={at: [1.5, 0, 0.8], for: 5}") == []
 
 
 def test_a_contact_in_three_of_a_thousand_flights_is_warned_of(warned: Warn) -> None:
-    (found,) = warned(PILLAR, "mission.1.hold={at: [2.75, 0, 0.8], for: 10}")
-    assert "agents touch obstacles with a probability of up to 0." in found
+    (warning,) = warned(PILLAR, "mission.1.hold={at: [2.75, 0, 0.8], for: 10}")
+    assert "agents touch obstacles with a probability of up to 0." in warning
     assert warned(PILLAR, "mission.1.hold={at: [2.5, 0, 0.8], for: 10}") == []
 
 
 def test_one_agent_that_drifts_near_the_fence_is_warned_of(warned: Warn) -> None:
-    (found,) = warned("", "mission.1.hold.at=[8.5, 0, 0.8]")
-    assert "cf1 is 0.5 m from the fence" in found
-    assert "leave the fence by more than 0.2 m" in found
-    assert found.endswith("[drift-exceeds-clearance]")
+    (warning,) = warned("", "mission.1.hold.at=[8.5, 0, 0.8]")
+    assert "cf1 is 0.5 m from the fence" in warning
+    assert "leave the fence by more than 0.2 m" in warning
+    assert warning.endswith("[drift-exceeds-clearance]")
 
 
 def test_agents_that_see_landmarks_are_not_warned_of(warned: Warn) -> None:
@@ -139,9 +139,9 @@ CROSSING = (
 
 
 def test_agents_that_the_core_would_land_are_warned_of(warnings: Warn) -> None:
-    (found,) = warnings(*CROSSING)
-    assert "have no room between them after about" in found
-    assert found.endswith("[no-room-for-drift]")
+    (warning,) = warnings(*CROSSING)
+    assert "have no room between them after about" in warning
+    assert warning.endswith("[no-room-for-drift]")
     assert warnings(*CROSSING, "limits.uncertainty_margin=0") == []
 
 
@@ -157,8 +157,8 @@ def test_pairs_that_swap_in_near_lanes_are_warned_of(
         f"{{goto: {{agents: cf3, to: [0.8, -{half}, 0.8]}}}}, "
         f"{{goto: {{agents: cf4, to: [-0.8, -{half}, 0.8]}}}}]}}",
     )
-    found = warnings(*lanes)
-    assert [text.rpartition("[")[2] for text in found] == ["no-room-for-drift]"] * is_warned
+    messages = warnings(*lanes)
+    assert [text.rpartition("[")[2] for text in messages] == ["no-room-for-drift]"] * is_warned
 
 
 @pytest.mark.parametrize(
@@ -173,7 +173,7 @@ def test_the_error_of_a_positioning_system_is_expected(
     warnings: Warn, positioning: str, *, is_warned: bool
 ) -> None:
     system = f"transport={{use: sim, positioning: {{{positioning}}}}}"
-    found = warnings(
+    messages = warnings(
         system, "localizer=mocap", "mission.1.hold.for=60", "swarm.cf2.start=[0.7, 0, 0]"
     )
-    assert any(text.endswith("[drift-exceeds-separation]") for text in found) == is_warned
+    assert any(text.endswith("[drift-exceeds-separation]") for text in messages) == is_warned

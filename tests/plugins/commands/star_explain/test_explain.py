@@ -90,10 +90,10 @@ def test_time_outs_are_those_of_where_the_steps_before_lead(write: Write) -> Non
         "  - goto: {agents: cf1, to: [0, 2, 1], speed: 0.5}\n"
         "  - goto: {agents: cf1, to: [0, 2, 1], speed: 0.5}\n"
     )
-    _, there, still = told(path).parts
+    _, transit, still = told(path).parts
     fence = load(path, Registry()).scene.world.fence
     crossing = math.dist(fence.low, fence.high) / 0.5  # by another agent
-    assert there.limit == pytest.approx(3 * 2 / 0.5 + 5 + crossing, abs=0.1)
+    assert transit.limit == pytest.approx(3 * 2 / 0.5 + 5 + crossing, abs=0.1)
     assert still.limit == pytest.approx(5.0 + crossing, abs=0.7)  # it ends within 0.1 m of its goal
 
 

@@ -36,7 +36,9 @@ def warnings(warn: Warn) -> Steps:
 
     def warned(*steps: str) -> list[str]:
         text = MISSION + "".join(f"  - {step}\n" for step in steps)
-        return [f"{one.split(':')[1]} {code_of(one)}" for one in warn(text, world=WORLD)]
+        return [
+            f"{warning.split(':')[1]} {code_of(warning)}" for warning in warn(text, world=WORLD)
+        ]
 
     return warned
 
@@ -70,8 +72,8 @@ def test_an_offset_from_an_uncertain_position_is_warned_of(warnings: Steps) -> N
     ended = "goto: {agents: cf1, to: [1, 1, 0.8], until: {elapsed: 1}}"
     offset = "goto: {agents: cf1, by: [0, -3.5, 0]}"
     assert warnings(ended, offset) == ["14 unreachable-goal"]
-    known = "goto: {agents: cf1, to: [-1, 1, 0.8]}"
-    assert warnings(ended, known, "goto: {agents: cf1, by: [0, -2, 0]}") == []
+    waypoint = "goto: {agents: cf1, to: [-1, 1, 0.8]}"
+    assert warnings(ended, waypoint, "goto: {agents: cf1, by: [0, -2, 0]}") == []
 
 
 def test_a_step_that_times_out_in_the_rehearsal_is_warned_of(warnings: Steps) -> None:
@@ -92,6 +94,6 @@ def test_goals_too_near_to_another_agent_are_warned_of(warnings: Steps) -> None:
 
 
 def test_agents_that_swap_positions_at_once_are_not_warned_of(warnings: Steps) -> None:
-    there, back = ({"agents": f"cf{i}", "by": [by, 0, 0]} for i, by in ((1, 1.2), (2, -1.2)))
-    swap = json.dumps({"parallel": [{"goto": there}, {"goto": back}]})
+    east, west = ({"agents": f"cf{i}", "by": [by, 0, 0]} for i, by in ((1, 1.2), (2, -1.2)))
+    swap = json.dumps({"parallel": [{"goto": east}, {"goto": west}]})
     assert warnings(swap) == []

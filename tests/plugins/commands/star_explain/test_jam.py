@@ -54,8 +54,8 @@ def warnings(warn: Warn) -> Lanes:
         text = MISSION.replace("SWARM", "\n".join(swarm))
         for side, names in groups.items():
             text = text.replace(side.upper(), ", ".join(names))
-        found = warn(text, *changes, world=WORLD)
-        return [text for text in found if "margins-exceed-paths" in text]
+        messages = warn(text, *changes, world=WORLD)
+        return [text for text in messages if "margins-exceed-paths" in text]
 
     return warned
 
@@ -115,5 +115,5 @@ def test_an_agent_between_two_that_come_cannot_make_way() -> None:
 def test_avoiders_for_exact_positions_are_warned_of(
     missions: Path, changes: list[str], *, warned: bool
 ) -> None:
-    found = check_file(missions / "first_flight.yaml", Registry(), changes)[1]
-    assert any("avoider-needs-exact-positions" in text for text in found) == warned
+    messages = check_file(missions / "first_flight.yaml", Registry(), changes)[1]
+    assert any("avoider-needs-exact-positions" in text for text in messages) == warned

@@ -63,5 +63,5 @@ def test_an_agent_that_creeps_before_another_is_warned_of(
     position[:, 0, 0], position[:, 1, 0] = 0.9 + 0.02 * np.minimum(time, seconds), 1.5  # m
     tables = time, position, np.zeros((len(time), 2)), np.ones((len(time), 2), np.bool_)
     rehearsal: Any = SimpleNamespace(sampled=lambda _period: tables)
-    found = [*parked_problems(mission, Registry(), rehearsal)]
-    assert [problem.code for problem in found] == ["agent-in-the-way"] * is_warned
+    problems = [*parked_problems(mission, Registry(), rehearsal)]
+    assert [problem.code for problem in problems] == ["agent-in-the-way"] * is_warned

@@ -25,8 +25,8 @@ def scene(camera: Camera, *obstacles: Obstacle) -> Scene:
 
 
 def tags(lookout: Lookout, time: float, *position: float, yaw: float = 0.0) -> list[int]:
-    seen = lookout.look(time, np.array([position]), np.array([yaw]), np.array([True]))
-    return [int(tag) for tag in seen.tag]
+    sightings = lookout.look(time, np.array([position]), np.array([yaw]), np.array([True]))
+    return [int(tag) for tag in sightings.tag]
 
 
 @pytest.mark.parametrize(
@@ -61,5 +61,5 @@ def test_targets_are_seen_at_the_rate_of_the_camera() -> None:
 
 def test_agents_on_the_ground_see_nothing() -> None:
     lookout = Lookout(scene(DOWN))
-    seen = lookout.look(0.0, np.array([[0.0, 0.0, 0.8]]), np.zeros(1), np.array([False]))
-    assert len(seen.tag) == 0
+    sightings = lookout.look(0.0, np.array([[0.0, 0.0, 0.8]]), np.zeros(1), np.array([False]))
+    assert len(sightings.tag) == 0

@@ -40,11 +40,11 @@ def rehearsed(rehearse: Rehearse) -> Rehearse:
 def test_agents_hover_where_their_last_step_ended(rehearsed: Rehearse) -> None:
     rehearsal = rehearsed()
     time, position, _, airborne = rehearsal.sampled(0.5)
-    _, there, then, _ = rehearsal.steps
-    waits = (time > there.begun) & (time < there.ended)
+    _, first, second, _ = rehearsal.steps
+    waits = (time > first.begun) & (time < first.ended)
     assert airborne[waits].all()
     assert np.allclose(position[waits, 1], [0.0, 3.0, 0.8], atol=0.06)  # b, while a flies
-    stays = (time > then.begun + 1.0) & (time < then.ended)
+    stays = (time > second.begun + 1.0) & (time < second.ended)
     assert np.allclose(position[stays, 0], [5.0, 0.0, 0.8], atol=0.06)
 
 
@@ -72,10 +72,10 @@ def test_a_rehearsal_keeps_neither_mission_nor_plugins(missions: Path) -> None:
 
 
 def test_repeated_steps_are_rehearsed_as_often(rehearsed: Rehearse) -> None:
-    there = "{goto: {agents: a, to: [1, 0, 0.8]}}"
-    back = "{goto: {agents: a, to: [0, 0, 0.8]}}"
+    outbound = "{goto: {agents: a, to: [1, 0, 0.8]}}"
+    inbound = "{goto: {agents: a, to: [0, 0, 0.8]}}"
     once, thrice = (
-        rehearsed(f"mission.1={{repeat: {{times: {times}, steps: [{there}, {back}]}}}}")
+        rehearsed(f"mission.1={{repeat: {{times: {times}, steps: [{outbound}, {inbound}]}}}}")
         for times in (1, 3)
     )
     verbs = ["takeoff", *["goto", "goto"] * 3, "goto", "land"]
@@ -86,14 +86,14 @@ def test_repeated_steps_are_rehearsed_as_often(rehearsed: Rehearse) -> None:
 
 def test_tracks_have_the_phases_and_the_goals(rehearsed: Rehearse) -> None:
     rehearsal = rehearsed()
-    climb, there, *_, landing = rehearsal.steps
+    climb, transit, *_, landing = rehearsal.steps
     phases = rehearsal.phase[rehearsal.during(climb), 0].tolist()
     middle = len(phases) // 2
     expected = AgentPhase.GROUNDED, AgentPhase.TAKING_OFF, AgentPhase.FLYING
     assert (phases[0], phases[middle], phases[-1]) == expected
     assert rehearsal.phase[-1].tolist() == [AgentPhase.LANDED] * 2
     assert rehearsal.position[-1, :, 2].tolist() == [0.0, 0.0]
-    assert rehearsal.last_goals(there)[0].tolist() == [5.0, 0.0, 0.8]
+    assert rehearsal.last_goals(transit)[0].tolist() == [5.0, 0.0, 0.8]
     assert landing.ended == rehearsal.time[-1] == rehearsal.duration
 
 
