@@ -51,18 +51,18 @@ def logged(vehicle: Any, *names: str) -> dict[str, float]:
     """Return the values of variables, as a log block of cflib's brings them."""
     from cflib.crazyflie.log import LogConfig
 
-    seen: list[dict[str, float]] = []
+    samples: list[dict[str, float]] = []
     config = LogConfig("values", period_in_ms=20)
     for name in names:
         config.add_variable(name)
     vehicle.log.add_config(config)
-    config.data_received_cb.add_callback(lambda _time, values, _config: seen.append(values))
+    config.data_received_cb.add_callback(lambda _time, values, _config: samples.append(values))
     config.start()
-    assert eventually(lambda: len(seen) >= 2)
+    assert eventually(lambda: len(samples) >= 2)
     config.stop()
     config.delete()
     assert eventually(lambda: not config.added)
-    return seen[-1]
+    return samples[-1]
 
 
 def height(fleet: Fleet, row: int) -> float:

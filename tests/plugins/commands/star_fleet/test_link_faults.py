@@ -119,16 +119,16 @@ def test_the_faults_of_a_file_come_and_go() -> None:
     fleet = ideal_fleet(swarm, noise=False)
     try:
         fleet.inject(faults_of(faults, swarm))
-        seen, vehicle = [], fleet.vehicles[0]
+        history, vehicle = [], fleet.vehicles[0]
         for _ in range(10):
             fleet.advance()
-            seen.append(tuple(fleet.links.faults))
+            history.append(tuple(fleet.links.faults))
         perfect, lossy = LinkFaults(), LinkFaults(loss=0.2, duplicates=0.1)
         late = LinkFaults(loss=0.2, duplicates=0.1, delay=0.1, jitter=0.05)
-        assert seen[0] == (perfect, perfect)
-        assert seen[2] == (late, perfect)
-        assert seen[4] == (lossy, perfect)
-        assert seen[6] == (lossy, LinkFaults(loss=1.0))
+        assert history[0] == (perfect, perfect)
+        assert history[2] == (late, perfect)
+        assert history[4] == (lossy, perfect)
+        assert history[6] == (lossy, LinkFaults(loss=1.0))
         assert fleet.vehicles[0] is not vehicle
         assert fleet.simulator.drones["motor_share"][1].tolist() == [0, 1, 1, 1]
         with pytest.raises(InputError, match="no fault 'off' of 'camera'"):

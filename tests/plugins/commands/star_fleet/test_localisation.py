@@ -134,8 +134,8 @@ def test_a_parameter_switches_receivers_off(
 
 @pytest.mark.parametrize("system", ["lighthouse", "loco", "poses"])
 def test_drones_of_missions_with_receivers_know_the_map(system: str) -> None:
-    here = replace(scene(2), onboard_system=system)
+    room = replace(scene(2), onboard_system=system)
     silent = frozenset({Condition.NO_STATIONS})
-    conditions = with_receivers({1: silent}, here)
+    conditions = with_receivers({1: silent}, room)
     assert conditions == {0: frozenset({Condition(system)}), 1: silent}
     assert with_receivers({1: silent}, scene(2)) == {1: silent}

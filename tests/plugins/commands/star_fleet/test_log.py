@@ -20,8 +20,8 @@ from tests.plugins.commands.star_fleet.conftest import Bench, Start
 NUMBER = {entry.name: i for i, entry in enumerate(VARIABLES)}
 
 
-def variables(*wanted: tuple[int, str]) -> bytes:
-    return b"".join(struct.pack("<BH", code, NUMBER[name]) for code, name in wanted)
+def variables(*entries: tuple[int, str]) -> bytes:
+    return b"".join(struct.pack("<BH", code, NUMBER[name]) for code, name in entries)
 
 
 def control(bench: Any, *parts: int, more: bytes = b"") -> int:
@@ -126,16 +126,16 @@ def test_a_repeated_append_appends_what_fits_again(bench: Bench) -> None:
 
 
 def test_errors_are_the_firmwares(bench: Bench) -> None:
-    one = variables((FLOAT, "pm.vbat"))
+    variable = variables((FLOAT, "pm.vbat"))
     assert control(bench, 3, 1, 10) == errno.ENOENT
-    assert control(bench, 6, 1, more=one) == 0
-    assert control(bench, 6, 1, more=one) == errno.EEXIST
+    assert control(bench, 6, 1, more=variable) == 0
+    assert control(bench, 6, 1, more=variable) == errno.EEXIST
     assert control(bench, 7, 1, more=struct.pack("<BH", FLOAT, 60000)) == errno.ENOENT
-    assert control(bench, 7, 1, more=6 * one) == errno.E2BIG
+    assert control(bench, 7, 1, more=6 * variable) == errno.E2BIG
     assert control(bench, 99, 1) == errno.ENOEXEC
     for number in range(2, 17):
-        assert control(bench, 6, number, more=one) == 0
-    assert control(bench, 6, 17, more=one) == errno.ENOMEM
+        assert control(bench, 6, number, more=variable) == 0
+    assert control(bench, 6, 17, more=variable) == errno.ENOMEM
 
 
 def test_no_more_than_128_variables_are_logged_at_once(bench: Bench) -> None:

@@ -63,11 +63,11 @@ def test_the_configuration_holds_the_address_and_its_checksum(start: Start) -> N
 def memories(bench: Any) -> dict[int, list[int]]:
     """Return the numbers of all memories, by type."""
     ((_, count),) = bench.ask(Port.MEMORY, 0, b"\x01")
-    found: dict[int, list[int]] = {}
+    numbers: dict[int, list[int]] = {}
     for number in range(count):
         (answer,) = bench.ask(Port.MEMORY, 0, bytes([2, number]))
-        found.setdefault(answer[2], []).append(number)
-    return found
+        numbers.setdefault(answer[2], []).append(number)
+    return numbers
 
 
 def test_decks_bring_memories(start: Start) -> None:

@@ -60,12 +60,12 @@ def test_a_port_that_is_taken_is_named() -> None:
 
 def test_images_are_streamed_to_the_client_that_asked_last(client: socket.socket) -> None:
     with ideal_fleet(scene(1), speed=FAST) as fleet:
-        there = place(fleet.addresses[0])
-        client.sendto(join(Port.LOG, 1, struct.pack("<BBBH", 6, 1, 7, 0)), there)
+        address = place(fleet.addresses[0])
+        client.sendto(join(Port.LOG, 1, struct.pack("<BBBH", 6, 1, 7, 0)), address)
         assert client.recv(64) == join(Port.LOG, 1, b"\x06\x01\0")
-        client.sendto(join(Port.LOG, 1, b"\x03\x01\x0a"), there)
-        seen = [client.recv(64) for _ in range(10)]
-        assert sum(packet[:2] == b"\x52\x01" for packet in seen) >= 4
+        client.sendto(join(Port.LOG, 1, b"\x03\x01\x0a"), address)
+        packets = [client.recv(64) for _ in range(10)]
+        assert sum(packet[:2] == b"\x52\x01" for packet in packets) >= 4
 
 
 def test_the_link_timeout_is_one_of_the_clients_clock() -> None:

@@ -30,18 +30,18 @@ def test_a_plain_piece_is_numpys_polynomial(
     exact = np.array(struct.unpack("<33f", piece_bytes(values, duration)))
     (piece,) = plain(piece_bytes(values, duration), 0, 1) or []
     time = fraction * piece.duration
-    for k, found in enumerate(piece.at(time)):
+    for k, derivative in enumerate(piece.at(time)):
         for axis in range(4):
             derived = polynomial.polyder(exact[8 * axis : 8 * axis + 8], k)
-            wanted = polynomial.polyval(time, derived)
-            assert found[axis] == pytest.approx(wanted, rel=1e-6, abs=1e-6 * 4**7)
+            expected = polynomial.polyval(time, derived)
+            assert derivative[axis] == pytest.approx(expected, rel=1e-6, abs=1e-6 * 4**7)
 
 
 @given(coefficients, durations, fractions)
 def test_reversed_pieces_mirror_time(values: list[float], duration: float, fraction: float) -> None:
     piece = Piece(np.reshape(values, (4, 8)), duration)
-    there = piece.backwards().at(fraction * duration)[0]
-    assert there == pytest.approx(piece.at((1 - fraction) * duration)[0], abs=1e-9)
+    point = piece.backwards().at(fraction * duration)[0]
+    assert point == pytest.approx(piece.at((1 - fraction) * duration)[0], abs=1e-9)
 
 
 @given(coefficients, st.floats(0.5, 4), fractions)

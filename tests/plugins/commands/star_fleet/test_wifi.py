@@ -20,8 +20,8 @@ from tests.waiting import eventually
 
 def eyes() -> Scene:
     room = scene(2)
-    one, two = room.agents
-    return replace(room, agents=(one, replace(two, camera=Camera())))
+    first, second = room.agents
+    return replace(room, agents=(first, replace(second, camera=Camera())))
 
 
 def test_a_port_that_is_taken_leaves_nothing_open() -> None:
@@ -52,20 +52,20 @@ def test_no_image_is_made_without_a_client(monkeypatch: pytest.MonkeyPatch) -> N
     made: list[float] = []
     render = Renderer.render
 
-    def noted(*given: Any) -> Image:
+    def noted(*arguments: Any) -> Image:
         made.append(fleet.time)
-        return render(*given)
+        return render(*arguments)
 
     monkeypatch.setattr(Renderer, "render", noted)
     wifi = Wifi(fleet, eyes(), "127.0.0.1", links=None, cameras=0)
     assert list(wifi.cameras) == [1]
-    there = []
+    clients = []
 
     def fly(cycles: int) -> int:
         before = len(made)
         for _ in range(cycles):
             fleet.advance()
-        there.append(fleet.watched(1))
+        clients.append(fleet.watched(1))
         return len(made) - before
 
     assert fly(100) == 0
@@ -74,7 +74,7 @@ def test_no_image_is_made_without_a_client(monkeypatch: pytest.MonkeyPatch) -> N
         assert fly(100) >= 9
     assert eventually(lambda: not fleet.watched(1))
     assert fly(100) == 0
-    assert there == [False, True, False]
+    assert clients == [False, True, False]
     wifi.close()
     fleet.close()
 

@@ -35,7 +35,7 @@ def test_images_that_are_not_read_are_dropped_oldest_first(
         assert eventually(lambda: server.connected)
         for value in range(5):
             server.publish(BLANK + np.uint8(value), 0.0)
-            assert eventually(lambda wanted=value + 1: client.counts.images == wanted)
+            assert eventually(lambda count=value + 1: client.counts.images == count)
         assert [int(shot.image[0, 0]) for shot in client.arrived()] == [2, 3, 4]
         assert client.counts.dropped == 2
 

@@ -52,10 +52,10 @@ def test_arbitrary_streams_give_packets_or_a_sync_error(pieces: list[bytes]) -> 
     decoder = Decoder()
     for piece in pieces:
         try:
-            found = decoder.feed(piece)
+            packets = decoder.feed(piece)
         except SyncError:
             continue
-        assert all(len(packet.data) <= ROOM for packet in found)
+        assert all(len(packet.data) <= ROOM for packet in packets)
 
 
 @pytest.mark.parametrize(

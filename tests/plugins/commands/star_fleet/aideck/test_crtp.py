@@ -51,9 +51,9 @@ def client(link: CrtpOverTcp) -> Iterator[socket.socket]:
 
 def test_every_packet_is_answered_in_order(client: socket.socket) -> None:
     client.sendall(asked(b"\x01ab") + asked(b"\x02cd"))
-    found = answers(client, 4)
-    assert [p.data for p in found] == [b"\x01ab", b"ba\x01", b"\x02cd", b"dc\x02"]
-    assert {p[:3] for p in found} == {(Target.STM32, Target.HOST, Function.CRTP)}
+    packets = answers(client, 4)
+    assert [p.data for p in packets] == [b"\x01ab", b"ba\x01", b"\x02cd", b"dc\x02"]
+    assert {p[:3] for p in packets} == {(Target.STM32, Target.HOST, Function.CRTP)}
 
 
 def test_packets_can_be_pushed(link: CrtpOverTcp, client: socket.socket) -> None:

@@ -135,7 +135,7 @@ def test_a_port_that_is_taken_is_named(*, shared: bool, switchboard: Switchboard
     before = threading.active_count()
     with AideckServer(port=0, switchboard=switchboard) as server:
         port = server.address[1]
-        wanted = rf"^cannot listen on 127\.0\.0\.1:{port}: .*in use"
-        with pytest.raises(PluginError, match=wanted):
+        message = rf"^cannot listen on 127\.0\.0\.1:{port}: .*in use"
+        with pytest.raises(PluginError, match=message):
             AideckServer(port=port, switchboard=switchboard if shared else None)
     assert threading.active_count() == before

@@ -193,7 +193,7 @@ def test_an_image_after_bytes_that_belong_nowhere_is_found(junk: bytes, at: int)
 def test_a_thousand_malformed_frames_hide_no_image() -> None:
     random = np.random.default_rng(5)
     counts = Counts()
-    stream, found = Stream(SMALL, counts), 0
+    stream, images = Stream(SMALL, counts), 0
     for _ in range(1000):
         frame = bytearray(app(random.bytes(int(random.integers(60)))))
         for _ in range(random.integers(1, 4)):
@@ -201,8 +201,8 @@ def test_a_thousand_malformed_frames_hide_no_image() -> None:
         stream.feed(bytes(frame), 0.0)
     stream.feed(b"\xff\xff" * 600, 0.0)  # longer than any frame: whatever it was in is over
     for seed in range(3):
-        found += len(stream.feed(framed(small(seed)), 0.0))
-    assert found == 3
+        images += len(stream.feed(framed(small(seed)), 0.0))
+    assert images == 3
     assert counts.malformed > 0
 
 
