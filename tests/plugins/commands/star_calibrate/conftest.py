@@ -53,9 +53,9 @@ class Studio:
             far = rng.uniform(0.16, 0.30)
             middle = far * np.array([rng.uniform(-0.5, 0.5), rng.uniform(-0.5, 0.4), 1.0])
             place = middle - turn @ self.points.mean(axis=0)
-            seen = self.corners(turn, place)
+            pixels = self.corners(turn, place)
             size = (self.camera.width, self.camera.height)
-            if (seen > 8).all() and (seen < np.subtract(size, 8)).all():
+            if (pixels > 8).all() and (pixels < np.subtract(size, 8)).all():
                 return turn, place
 
     def picture(self, turn: Array, place: Array, rng: np.random.Generator) -> Image:

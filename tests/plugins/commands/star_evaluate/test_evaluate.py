@@ -101,12 +101,12 @@ def test_an_unknown_offset_is_found(later: float) -> None:
 @pytest.mark.parametrize(("align", "tilt"), [("rigid", True), ("yaw", False)])
 def test_a_known_transform_is_found(align: Alignment, *, tilt: bool) -> None:
     turned = TURNED if tilt else Rotation.from_euler("z", -2.5)
-    found = evaluate(
+    evaluation = evaluate(
         flight(error=1e-4), truth(later=2.0, rotation=turned), offset=None, align=align
     )
-    assert found.rotation == pytest.approx(turned.as_matrix(), abs=1e-3)
-    assert found.translation == pytest.approx(MOVED, abs=2e-3)
-    assert found.every.rmse < 1e-3
+    assert evaluation.rotation == pytest.approx(turned.as_matrix(), abs=1e-3)
+    assert evaluation.translation == pytest.approx(MOVED, abs=2e-3)
+    assert evaluation.every.rmse < 1e-3
 
 
 def test_without_an_alignment_none_is_applied() -> None:

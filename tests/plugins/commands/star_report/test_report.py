@@ -93,9 +93,9 @@ def test_closest_approaches_are_those_of_the_summary(run: Run) -> None:
 
 
 def test_errors_are_bounded_by_what_the_covariance_expects(run: Run) -> None:
-    found = errors(run)
-    assert found is not None
-    error, bound = found
+    series = errors(run)
+    assert series is not None
+    error, bound = series
     flying = run.arrays["phase"] == AgentPhase.FLYING
     assert error[flying].max() == pytest.approx(run.summary["position_worst_m"])
     assert (error[np.isfinite(error)] < bound[np.isfinite(error)]).all()
@@ -133,16 +133,16 @@ def test_the_replay_has_the_planned_paths(run: Run) -> None:
     tick = int(np.searchsorted(run.arrays["time"], moving["time"][frame] - 1e-4))
     goal = run.arrays["goal_position"][tick, 0]
     assert moving["points"][planned[frame, 0]] == pytest.approx(goal[None])
-    here = moving["here"].reshape(-1, 2, 3)[frame]
-    assert here == pytest.approx(run.arrays["estimate_position"][tick], abs=1e-6)
+    estimate = moving["here"].reshape(-1, 2, 3)[frame]
+    assert estimate == pytest.approx(run.arrays["estimate_position"][tick], abs=1e-6)
 
 
 def test_an_estimate_without_truth_has_no_error_figure(run: Run, tmp_path: Path) -> None:
     for file in run.folder.iterdir():
         (tmp_path / file.name).write_bytes(file.read_bytes())
     kept = dict(np.load(run.folder / "trajectory.npz"))
-    known = {name: kept[name] for name in kept if not name.startswith("truth")}
-    np.savez(tmp_path / "trajectory.npz", **known)
+    arrays = {name: kept[name] for name in kept if not name.startswith("truth")}
+    np.savez(tmp_path / "trajectory.npz", **arrays)
     assert main(["report", str(tmp_path)]) == 0
     assert "Position error</h2>" not in (tmp_path / "report.html").read_text()
 

@@ -57,11 +57,11 @@ def printed(size: tuple[float, float], areas: Areas) -> np.ndarray:
     return picture
 
 
-def seen(picture: np.ndarray) -> tuple[list[int], np.ndarray]:
+def detect_tags(picture: np.ndarray) -> tuple[list[int], np.ndarray]:
     """The tags that OpenCV finds, and the corners of each in mm, from its upper left clockwise."""
     family = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
-    corners, found, _ = cv2.aruco.ArucoDetector(family).detectMarkers(picture)
-    return [int(n) for n in np.ravel(found)], (np.array(corners).reshape(-1, 4, 2) + 0.5) / FINE
+    corners, ids, _ = cv2.aruco.ArucoDetector(family).detectMarkers(picture)
+    return [int(n) for n in np.ravel(ids)], (np.array(corners).reshape(-1, 4, 2) + 0.5) / FINE
 
 
 # The sheets
@@ -72,8 +72,8 @@ def test_each_page_shows_its_tag_upright_and_in_true_size(
     form: str, world: World, sheets: Sheets
 ) -> None:
     for (tag, edge), (size, areas, _) in zip(EDGES.items(), sheets(world(TAGS), form), strict=True):
-        found, corners = seen(printed(size, areas))
-        assert found == [tag]
+        tags, corners = detect_tags(printed(size, areas))
+        assert tags == [tag]
         left, top = corners[0].min(axis=0)
         upright = [[left, top], [left + edge, top], [left + edge, top + edge], [left, top + edge]]
         assert corners[0] == pytest.approx(np.array(upright), abs=2 / FINE)
@@ -173,7 +173,7 @@ def test_the_black_modules_of_a_tag_do_not_overlap() -> None:
 
 
 @pytest.mark.parametrize(
-    ("tags", "paper", "found"),
+    ("tags", "paper", "phrases"),
     [
         (
             "landmarks:\n  big: {tags: [4], at: [0, 0, 0], size: 0.2}\n",
@@ -198,13 +198,13 @@ def test_the_black_modules_of_a_tag_do_not_overlap() -> None:
     ],
 )
 def test_unprintable_tags_are_reported_with_locations(
-    tags: str, paper: str, found: list[str], world: World
+    tags: str, paper: str, phrases: list[str], world: World
 ) -> None:
     path = world(tags)
     with pytest.raises(InputError) as caught:
         pages(path, paper, Registry())
     message = str(caught.value).replace(f"{path}:", "")
-    assert [words for words in found if words not in message] == []
+    assert [words for words in phrases if words not in message] == []
 
 
 def test_a_world_without_tags_is_refused(world: World) -> None:

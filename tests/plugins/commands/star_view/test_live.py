@@ -196,5 +196,5 @@ def test_a_view_receives_the_detections_of_every_tick() -> None:
         tick = Tick(0.0, board, replace(estimate(zero), detections=tags(number)), *other)
         view.star_ticked(tick)
     news = view._news(tick, 1.0)
-    assert [found.tag.tolist() for found in news.detections] == [[7], [8]]
+    assert [batch.tag.tolist() for batch in news.detections] == [[7], [8]]
     assert view._news(tick, 1.0).detections == ()

@@ -71,8 +71,8 @@ def test_agents_are_where_they_were_at_the_time_of_the_slider(viewer: Replay) ->
             assert agent.position == pytest.approx(position[tick, i], abs=1e-6)
     viewer.timeline.value = 7.5
     expected = position[150, 0]
-    wanted = pytest.approx(expected, abs=1e-6)
-    assert eventually(lambda: viewer.swarm.agents[0].position == wanted)
+    target = pytest.approx(expected, abs=1e-6)
+    assert eventually(lambda: viewer.swarm.agents[0].position == target)
     assert "flying" in viewer.status.content
     assert "goto cf1" in viewer.status.content
 
@@ -82,7 +82,7 @@ def test_a_phone_shows_the_room_above_the_panel(viewer: Replay, width: int) -> N
     def away() -> list[float]:
         """How far each browser is from what it looks at, m; one that has closed lingers."""
         cameras = [client.camera for client in viewer.server.get_clients().values()]
-        return [math.dist(one.position.tolist(), one.look_at.tolist()) for one in cameras]
+        return [math.dist(camera.position.tolist(), camera.look_at.tolist()) for camera in cameras]
 
     with Browser(viewer.server.address, image_width=width, image_height=800):
         assert eventually(lambda: [distance > 6.0 for distance in away()] == [width < 800])
@@ -214,8 +214,10 @@ def test_a_replay_shows_the_saved_images_with_the_detected_tags(
     for moment in 1000, 1250, 2000:
         cv2.imwrite(str(frames / f"{moment:07d}.png"), np.full((244, 324), 128, np.uint8))
     corners = np.array([[[100.0, 180.0], [200.0, 180.0], [200.0, 80.0], [100.0, 80.0]]])
-    found = Detections(np.array([1]), np.array([7]), corners, np.array([1.25]), np.array([1.4]))
-    replay = Replay(replace(viewer._run, folder=tmp_path, detections=found), None, port=18237)
+    detections = Detections(
+        np.array([1]), np.array([7]), corners, np.array([1.25]), np.array([1.4])
+    )
+    replay = Replay(replace(viewer._run, folder=tmp_path, detections=detections), None, port=18237)
     try:
         green = {}
         for tick in 10, 22, 26, 45:
