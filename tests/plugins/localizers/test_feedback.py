@@ -106,8 +106,8 @@ def heading(corrections: Corrections) -> float:
     return math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
 
 
-def sent(found: AgentState, reported: list[float]) -> Corrections:
-    return Feedback(AT_HOME).corrections([0], [found], AT_HOME, report_at(reported))
+def sent(state: AgentState, reported: list[float]) -> Corrections:
+    return Feedback(AT_HOME).corrections([0], [state], AT_HOME, report_at(reported))
 
 
 def test_positions_are_sent_in_the_starting_frame_of_the_drone() -> None:
@@ -124,9 +124,9 @@ def test_attitudes_combine_own_tilt_with_the_estimated_heading() -> None:
 
 
 def test_a_position_can_be_sent_without_a_heading() -> None:
-    found = belief([1.0, 2.5, 0.8], yaw=math.pi / 2 + 0.1)
+    state = belief([1.0, 2.5, 0.8], yaw=math.pi / 2 + 0.1)
     positions = Feedback(AT_HOME, turns=False)
-    answer = positions.corrections([0], [found], AT_HOME, report_at([0.4, 0.0, 0.8]))
+    answer = positions.corrections([0], [state], AT_HOME, report_at([0.4, 0.0, 0.8]))
     assert answer.position == pytest.approx(np.array([[0.5, 0.0, 0.8]]))
     drones = standing(np.zeros((1, 3)), np.zeros(1), 1.0)
     Fusion(1).take(drones, answer, 4.0)
@@ -147,28 +147,30 @@ def test_sent_deviations_exceed_those_of_the_fix() -> None:
 def test_a_jump_moves_the_frame_which_then_returns(*, turns: bool, yaw: float) -> None:
     feedback = Feedback(AT_HOME, turns=turns)
     lies = Transform(np.array([math.pi / 2 + 0.3]), np.array([[1.0, 3.0, 0.0]]))
-    far, here = belief([1.0, 3.0, 0.8], yaw=math.pi / 2 + 0.3), report_at([0.0, 0.0, 0.8])
-    assert len(feedback.corrections([0], [far], lies, here).agent) == 0
+    far, report = belief([1.0, 3.0, 0.8], yaw=math.pi / 2 + 0.3), report_at([0.0, 0.0, 0.8])
+    assert len(feedback.corrections([0], [far], lies, report).agent) == 0
 
-    answer = feedback.corrections([0], [far], lies, here)
+    answer = feedback.corrections([0], [far], lies, report)
     assert math.hypot(*answer.position[0, :2]) == pytest.approx(RETURN_STEP)
     assert heading(answer) == pytest.approx(yaw)
     for _fix in range(20):
-        answer = feedback.corrections([0], [far], lies, here)
+        answer = feedback.corrections([0], [far], lies, report)
     assert math.hypot(*answer.position[0, :2]) == pytest.approx(21 * RETURN_STEP)
 
 
 def test_jumps_of_unreported_drones_leave_their_frame_finite() -> None:
     feedback = Feedback(AT_HOME)
-    found = belief([1.0, 2.0, 0.8])
-    assert not len(feedback.corrections([0], [found], AT_HOME, report_at([math.nan] * 3)).agent)
-    assert len(feedback.corrections([0], [found], AT_HOME, report_at([0.0, 0.0, 0.8])).agent)
+    state = belief([1.0, 2.0, 0.8])
+    assert not len(feedback.corrections([0], [state], AT_HOME, report_at([math.nan] * 3)).agent)
+    assert len(feedback.corrections([0], [state], AT_HOME, report_at([0.0, 0.0, 0.8])).agent)
 
 
 def corrections(position: list[float], std: float, *, turns: bool = True) -> Corrections:
     turned = [0.0, 0.0, math.sin(0.1), math.cos(0.1)]
-    one, yaw_std = np.array([std]), np.array([std if turns else math.inf])
-    return Corrections(np.array([0]), np.array([position]), np.array([turned]), one, yaw_std)
+    position_std, yaw_std = np.array([std]), np.array([std if turns else math.inf])
+    return Corrections(
+        np.array([0]), np.array([position]), np.array([turned]), position_std, yaw_std
+    )
 
 
 def test_an_estimator_moves_partly_to_the_position_sent() -> None:

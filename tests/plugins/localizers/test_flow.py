@@ -32,47 +32,49 @@ def flow(room: Scene, **options: float) -> Localizer:
 
 
 def test_an_agent_that_has_not_moved_is_at_its_start() -> None:
-    found = flow(facing(1.0)).locate(report([[0, 0, 0]]))
-    assert found.position.tolist() == [[1.0, 2.0, 0.0]]
-    assert found.yaw == pytest.approx([1.0])
+    estimate = flow(facing(1.0)).locate(report([[0, 0, 0]]))
+    assert estimate.position.tolist() == [[1.0, 2.0, 0.0]]
+    assert estimate.yaw == pytest.approx([1.0])
 
 
 def test_forward_is_along_the_heading_at_the_start() -> None:
     moving = report([[1, 0, 0.8]], velocity=np.array([[0.5, 0, 0.1]]))
-    found = flow(facing(np.pi / 2)).locate(moving)
-    assert found.position == pytest.approx(np.array([[1.0, 3.0, 0.8]]))
-    assert found.velocity == pytest.approx(np.array([[0, 0.5, 0.1]]))
+    estimate = flow(facing(np.pi / 2)).locate(moving)
+    assert estimate.position == pytest.approx(np.array([[1.0, 3.0, 0.8]]))
+    assert estimate.velocity == pytest.approx(np.array([[0, 0.5, 0.1]]))
 
 
 @given(angles, angles, positions)
 def test_the_estimate_is_the_report_moved_by_the_transform(
     start: float, yaw: float, position: Array
 ) -> None:
-    found = flow(facing(start)).locate(report(position, yaw=yaw))
-    assert found.position == pytest.approx(found.map_from_odom.apply(position))
-    assert np.cos(found.yaw) == pytest.approx([np.cos(start + yaw)], abs=1e-9)
-    assert np.sin(found.yaw) == pytest.approx([np.sin(start + yaw)], abs=1e-9)
-    assert abs(found.yaw[0]) <= np.pi
+    estimate = flow(facing(start)).locate(report(position, yaw=yaw))
+    assert estimate.position == pytest.approx(estimate.map_from_odom.apply(position))
+    assert np.cos(estimate.yaw) == pytest.approx([np.cos(start + yaw)], abs=1e-9)
+    assert np.sin(estimate.yaw) == pytest.approx([np.sin(start + yaw)], abs=1e-9)
+    assert abs(estimate.yaw[0]) <= np.pi
 
 
 @given(angles, st.floats(-0.4, 0.4), st.floats(-0.4, 0.4))
 def test_a_tilt_does_not_change_the_heading(yaw: float, roll: float, pitch: float) -> None:
     attitude = Rotation.from_euler("ZYX", [yaw, pitch, roll]).as_quat()[None]
-    found = flow(facing(0.0)).locate(report([[0, 0, 1]], attitude=attitude))
-    assert np.exp(1j * found.yaw) == pytest.approx(np.exp([1j * yaw]), abs=1e-9)
+    estimate = flow(facing(0.0)).locate(report([[0, 0, 1]], attitude=attitude))
+    assert np.exp(1j * estimate.yaw) == pytest.approx(np.exp([1j * yaw]), abs=1e-9)
 
 
 @pytest.mark.parametrize(
     ("age", "valid"), [(0.0, True), (0.5, True), (0.51, False), (np.nan, False), (np.inf, False)]
 )
 def test_a_row_is_valid_while_the_agent_was_heard(age: float, valid: bool) -> None:  # noqa: FBT001
-    found = flow(facing(0.0)).locate(report([[0, 0, 1]], age=np.array([age])))
-    assert found.valid.tolist() == [valid]
+    estimate = flow(facing(0.0)).locate(report([[0, 0, 1]], age=np.array([age])))
+    assert estimate.valid.tolist() == [valid]
 
 
 def test_how_old_a_report_may_be_is_an_option() -> None:
-    found = flow(facing(0.0), max_report_age=2.0).locate(report([[0, 0, 1]], age=np.array([1.5])))
-    assert found.valid.tolist() == [True]
+    estimate = flow(facing(0.0), max_report_age=2.0).locate(
+        report([[0, 0, 1]], age=np.array([1.5]))
+    )
+    assert estimate.valid.tolist() == [True]
 
 
 @pytest.mark.parametrize("field", ["position", "velocity", "attitude"])
@@ -80,11 +82,11 @@ def test_unreported_agents_are_invalid_and_keep_their_position(field: str) -> No
     localizer = flow(facing(0.0))
     before = localizer.locate(report([[1, 0, 1]], yaw=0.5))
     gone = {field: np.full_like(getattr(report([[0, 0, 0]]), field), np.nan)}
-    found = localizer.locate(replace(report([[2, 0, 1]]), **gone))
-    assert found.valid.tolist() == [False]
-    assert found.position.tolist() == before.position.tolist()
-    assert found.yaw == pytest.approx([0.5])
-    assert np.isfinite(found.covariance).all()
+    estimate = localizer.locate(replace(report([[2, 0, 1]]), **gone))
+    assert estimate.valid.tolist() == [False]
+    assert estimate.position.tolist() == before.position.tolist()
+    assert estimate.yaw == pytest.approx([0.5])
+    assert np.isfinite(estimate.covariance).all()
 
 
 HOVER = np.array([0.0, 0.0, 0.8])  # m
@@ -172,8 +174,8 @@ def errors(seconds: float, period: float = 0.05, seed: int = 0, n: int = 40) -> 
 
 
 def test_by_default_no_error_is_added() -> None:
-    found = flow(scene(3)).locate(report(np.zeros((3, 3))))
-    assert found.position.tolist() == [list(agent.start) for agent in scene(3).agents]
+    estimate = flow(scene(3)).locate(report(np.zeros((3, 3))))
+    assert estimate.position.tolist() == [list(agent.start) for agent in scene(3).agents]
 
 
 def test_an_artificial_error_has_its_size_from_the_first_tick_on() -> None:
@@ -206,7 +208,9 @@ def test_exact_odometry_has_no_drift_but_the_artificial_error() -> None:
     calm, shaken = flow(room), flow(room, error_std=0.03)
     for second in range(60):
         away = report([[0.5 * second, 0, 0.8]], time=float(second))
-        std, noisy = (np.sqrt(one.locate(away).covariance[0].diagonal()) for one in (calm, shaken))
+        std, noisy = (
+            np.sqrt(localizer.locate(away).covariance[0].diagonal()) for localizer in (calm, shaken)
+        )
     assert std.max() <= 0.002
     assert noisy == pytest.approx([0.03] * 3, rel=0.01)
 

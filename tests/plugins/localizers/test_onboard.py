@@ -71,7 +71,7 @@ STATION = Beacon("bs1", (0.0, 0.0, 2.0))  # looks along x
 
 
 @pytest.mark.parametrize(
-    ("point", "seen"),
+    ("point", "in_view"),
     [
         ((2.0, 0.0, 1.0), True),
         ((7.0, 0.0, 2.0), False),  # too far
@@ -81,9 +81,9 @@ STATION = Beacon("bs1", (0.0, 0.0, 2.0))  # looks along x
         ((1.0, 4.5, 2.0), False),  # too far aside
     ],
 )
-def test_base_stations_are_received_in_their_view(point: Array, *, seen: bool) -> None:
+def test_base_stations_are_received_in_their_view(point: Array, *, in_view: bool) -> None:
     points = np.array([point])
-    assert received(room(base_stations=(STATION,)), SYSTEMS["lighthouse"], points) == [[seen]]
+    assert received(room(base_stations=(STATION,)), SYSTEMS["lighthouse"], points) == [[in_view]]
 
 
 def test_obstacles_hide_base_stations_but_not_anchors(tmp_path: Path) -> None:
@@ -166,11 +166,11 @@ def test_without_a_flow_deck_heights_err_as_the_system(
     reported = np.array([[0.05**2, 0.05**2, 0.15**2]])
     estimate = plugin.locate(telemetry(np.array([[0.0, 0.0, 1.0]]), reported))
     assert estimate.valid.tolist() == [located]
-    known = 0.15**2 if located else 0.0
-    assert estimate.covariance[0, 2, 2] == pytest.approx(known + std**2)
+    variance = 0.15**2 if located else 0.0
+    assert estimate.covariance[0, 2, 2] == pytest.approx(variance + std**2)
 
 
-def found(scene: Scene, system: str) -> list[tuple[str, bool]]:
+def findings(scene: Scene, system: str) -> list[tuple[str, bool]]:
     problems: list[Problem] = [*check(scene, system=system)]
     return [(problem.code, problem.warning) for problem in problems]
 
@@ -189,7 +189,7 @@ def found(scene: Scene, system: str) -> list[tuple[str, bool]]:
 def test_systems_that_drones_do_not_have_are_refused(
     changes: dict[str, Any], system: str, expected: list[tuple[str, bool]]
 ) -> None:
-    assert found(replace(scene(1), **changes), system) == expected
+    assert findings(replace(scene(1), **changes), system) == expected
 
 
 def test_localizers_that_expect_odometry_are_refused() -> None:
@@ -214,8 +214,8 @@ def test_simulated_errors_are_those_of_the_table() -> None:
     errors: dict[int, list[float]] = {1: [], 2: []}
     for seed in range(200):
         for stations in ((STATION,), (STATION, other)):
-            here = replace(scene(1), seed=seed, world=room(base_stations=stations))
-            fixes = Receivers(here, Fusion(1), system="lighthouse").measured(drones, 0.0)
+            swarm = replace(scene(1), seed=seed, world=room(base_stations=stations))
+            fixes = Receivers(swarm, Fusion(1), system="lighthouse").measured(drones, 0.0)
             assert isinstance(fixes, Corrections)
             errors[len(stations)] += (fixes.position - drones["position"]).ravel().tolist()
     bias = ERRORS["lighthouse"].bias

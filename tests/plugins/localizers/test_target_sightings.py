@@ -60,8 +60,8 @@ def corners(tag: Tag, position: Any, body: Rotation, camera: Camera = CAMERA) ->
     """(4, 2) px: where OpenCV shows a tag's corners to an agent at a place in the map."""
     points = Rotation.from_quat(tag.rotation).apply(square_corners(tag.size)) + tag.position
     eye = body * Rotation.from_quat(camera.rotation)
-    seen = eye.inv().apply(points - (np.array(position) + body.apply(camera.position)))
-    assert (seen[:, 2] > 0).all()
+    camera_points = eye.inv().apply(points - (np.array(position) + body.apply(camera.position)))
+    assert (camera_points[:, 2] > 0).all()
     matrix = np.array(
         [
             [camera.matrix[0], 0, camera.matrix[2]],
@@ -70,17 +70,17 @@ def corners(tag: Tag, position: Any, body: Rotation, camera: Camera = CAMERA) ->
         ]
     )
     pixels, _ = cv2.projectPoints(
-        seen, np.zeros(3), np.zeros(3), matrix, np.array(camera.distortion)
+        camera_points, np.zeros(3), np.zeros(3), matrix, np.array(camera.distortion)
     )
     return np.asarray(pixels, np.float64).reshape(4, 2)
 
 
-def detections(*found: tuple[int, Array], taken: float, arrived: float) -> Detections:
-    k = len(found)
+def detections(*sightings: tuple[int, Array], taken: float, arrived: float) -> Detections:
+    k = len(sightings)
     return Detections(
         agent=np.zeros(k, np.int64),
-        tag=np.array([tag for tag, _ in found]),
-        corners=np.array([pixels for _, pixels in found]),
+        tag=np.array([tag for tag, _ in sightings]),
+        corners=np.array([pixels for _, pixels in sightings]),
         taken=np.full(k, taken),
         arrived=np.full(k, arrived),
     )
@@ -115,9 +115,9 @@ def flown(
     while time < taken + late:
         made.locate(heard(time, *along(time)))
         time += 0.05
-    seen = [(tag.id, corners(tag, *in_map(*along(taken)))) for tag in tags]
-    found = detections(*seen, taken=taken if stamped else math.nan, arrived=taken + late)
-    return made.locate(heard(time, *along(time), detections=found))
+    tag_corners = [(tag.id, corners(tag, *in_map(*along(taken)))) for tag in tags]
+    batch = detections(*tag_corners, taken=taken if stamped else math.nan, arrived=taken + late)
+    return made.locate(heard(time, *along(time), detections=batch))
 
 
 @given(
@@ -134,9 +134,9 @@ def test_a_square_lies_at_its_exact_corners(
     points = facing.apply(square_corners(SIZE)) + centre
     if facing.apply([0, 0, 1]) @ np.array(centre) > -0.25:  # its edge or its back
         return
-    found = square_fix(points[:, :2] / points[:, 2:], SIZE, np.array([0.0, 0.0, -1.0]), 1e-3)
-    assert found is not None
-    assert found.pose.position == pytest.approx(centre, rel=0.01, abs=0.005)
+    fix = square_fix(points[:, :2] / points[:, 2:], SIZE, np.array([0.0, 0.0, -1.0]), 1e-3)
+    assert fix is not None
+    assert fix.pose.position == pytest.approx(centre, rel=0.01, abs=0.005)
 
 
 BEHIND = square_corners(SIZE)[:, :2]  # at 1 m; its z axis points away from the camera
@@ -153,10 +153,10 @@ def test_what_is_no_square_is_not_seen(rays: ArrayLike) -> None:
 
 @given(arrays(np.float64, (4, 2), elements=st.floats(-3, 3)))
 def test_any_corners_give_a_position_in_front_or_none(rays: Array) -> None:
-    found = square_fix(rays, SIZE, np.array([0.0, -math.sqrt(0.5), -math.sqrt(0.5)]), 1e-3)
-    if found is not None:
-        assert found.pose.position[2] > 0
-        assert np.isfinite(found.covariance).all()
+    fix = square_fix(rays, SIZE, np.array([0.0, -math.sqrt(0.5), -math.sqrt(0.5)]), 1e-3)
+    if fix is not None:
+        assert fix.pose.position[2] > 0
+        assert np.isfinite(fix.covariance).all()
 
 
 def test_the_covariance_of_a_square_is_that_of_its_places() -> None:
@@ -165,11 +165,11 @@ def test_the_covariance_of_a_square_is_that_of_its_places() -> None:
     rng, deviation = np.random.default_rng(0), 1.5e-3
     exact = points[:, :2] / points[:, 2:]
     up = facing.apply([0.0, 0, 1])
-    found = [
+    fixes = [
         square_fix(exact + rng.normal(0, deviation, (4, 2)), SIZE, up, deviation)
         for _ in range(300)
     ]
-    places = np.array([one.pose.position for one in found if one is not None])
+    places = np.array([fix.pose.position for fix in fixes if fix is not None])
     assert len(places) > 290
     first = square_fix(exact, SIZE, up, deviation)
     assert first is not None
@@ -179,19 +179,19 @@ def test_the_covariance_of_a_square_is_that_of_its_places() -> None:
 
 @pytest.mark.parametrize("tag", [FLAT, HUNG], ids=["on the floor", "on a wall"])
 def test_a_target_is_seen_where_it_is_from_where_the_agent_was(tag: Tag) -> None:
-    found = flown(flow(room()), tag).sightings
-    assert found.agent.tolist() == [0]
-    assert found.tag.tolist() == [tag.id]
-    assert found.time == pytest.approx([0.325])
-    assert found.position[0] == pytest.approx(tag.position, abs=2e-3)
+    sightings = flown(flow(room()), tag).sightings
+    assert sightings.agent.tolist() == [0]
+    assert sightings.tag.tolist() == [tag.id]
+    assert sightings.time == pytest.approx([0.325])
+    assert sightings.position[0] == pytest.approx(tag.position, abs=2e-3)
     axis = Rotation.from_quat(tag.rotation).apply([1, 0, 0])
-    assert found.yaw == pytest.approx([math.atan2(axis[1], axis[0])], abs=0.02)
+    assert sightings.yaw == pytest.approx([math.atan2(axis[1], axis[0])], abs=0.02)
 
 
 def test_tags_without_a_timestamp_have_the_latency() -> None:
-    found = flown(flow(room(), latency=0.3), FLAT, late=0.3, stamped=False).sightings
-    assert found.time == pytest.approx([0.325])
-    assert found.position[0] == pytest.approx(FLAT.position, abs=2e-3)
+    sightings = flown(flow(room(), latency=0.3), FLAT, late=0.3, stamped=False).sightings
+    assert sightings.time == pytest.approx([0.325])
+    assert sightings.position[0] == pytest.approx(FLAT.position, abs=2e-3)
     wrong = flown(flow(room(), latency=0.0), FLAT, late=0.3, stamped=False).sightings
     assert np.linalg.norm(wrong.position[0] - FLAT.position) > 0.05
 
@@ -201,9 +201,11 @@ def test_a_report_that_is_late_counts_for_when_it_was_made() -> None:
     for tick in range(12):
         time = 0.05 * tick
         made.locate(heard(time + 0.1, *along(time), age=np.full(1, 0.1)))
-    found = detections((100, corners(FLAT, *in_map(*along(0.3)))), taken=0.3, arrived=0.7)
-    seen = made.locate(heard(0.7, *along(0.6), age=np.full(1, 0.1), detections=found)).sightings
-    assert seen.position[0] == pytest.approx(FLAT.position, abs=2e-3)
+    batch = detections((100, corners(FLAT, *in_map(*along(0.3)))), taken=0.3, arrived=0.7)
+    sightings = made.locate(
+        heard(0.7, *along(0.6), age=np.full(1, 0.1), detections=batch)
+    ).sightings
+    assert sightings.position[0] == pytest.approx(FLAT.position, abs=2e-3)
 
 
 def test_sighting_covariance_includes_agent_and_heading_drift() -> None:
@@ -231,25 +233,25 @@ def test_what_is_no_target_seen_from_a_known_pose_is_ignored(
     made = flow(room())
     made.locate(heard(0.0, *along(0.0)))
     pixels = scale * corners(FLAT, *in_map(*along(0.0)))
-    found = detections((tag, pixels), taken=taken, arrived=0.1)
-    assert not len(made.locate(heard(0.1, *along(0.1), detections=found)).sightings.tag)
+    batch = detections((tag, pixels), taken=taken, arrived=0.1)
+    assert not len(made.locate(heard(0.1, *along(0.1), detections=batch)).sightings.tag)
 
 
 def test_an_agent_that_reported_nothing_sees_nothing() -> None:
     made = flow(room())
     gone = replace(heard(0.0, *along(0.0)), attitude=np.full((1, 4), np.nan))
     made.locate(gone)
-    found = detections((100, corners(FLAT, *in_map(*along(0.0)))), taken=0.0, arrived=0.1)
-    assert not len(made.locate(replace(gone, time=0.1, detections=found)).sightings.tag)
+    batch = detections((100, corners(FLAT, *in_map(*along(0.0)))), taken=0.0, arrived=0.1)
+    assert not len(made.locate(replace(gone, time=0.1, detections=batch)).sightings.tag)
 
 
 def test_agents_first_heard_in_flight_sight_targets_at_once() -> None:
     made = flow(room())
     made.locate(heard(0.0, *along(0.0), age=np.full(1, np.nan)))
     made.locate(heard(0.05, *along(0.05)))
-    found = detections((100, corners(FLAT, *in_map(*along(0.05)))), taken=0.05, arrived=0.1)
-    seen = made.locate(heard(0.1, *along(0.1), detections=found)).sightings
-    assert seen.position[0] == pytest.approx(FLAT.position, abs=2e-3)
+    batch = detections((100, corners(FLAT, *in_map(*along(0.05)))), taken=0.05, arrived=0.1)
+    sightings = made.locate(heard(0.1, *along(0.1), detections=batch)).sightings
+    assert sightings.position[0] == pytest.approx(FLAT.position, abs=2e-3)
 
 
 def test_a_warning_that_images_are_not_processed_is_logged_once(

@@ -33,7 +33,7 @@ from star_core import (
 )
 from star_core.toolkit import CameraModel, fill_defaults, rotation_from_quaternion, square_corners
 from star_core.world.quaternions import Quaternion, turned
-from tests.plugins.localizers.vision.conftest import seen
+from tests.plugins.localizers.vision.conftest import tag_corners
 
 RADIUS, SPEED, HEIGHT = 1.0, 0.28, 0.8  # m, m/s and m
 RATE = SPEED / RADIUS  # rad/s
@@ -160,7 +160,9 @@ def room(
 ) -> Scene:
     """Agents on circles over landmarks, and a target."""
     return Scene(
-        agents=tuple(replace(one.agent(camera), name=f"cf{k}") for k, one in enumerate(circles)),
+        agents=tuple(
+            replace(circle.agent(camera), name=f"cf{k}") for k, circle in enumerate(circles)
+        ),
         period=TICK,
         world=World(
             "room", Fence((-20, -20, 0), (20, 20, 3)), landmarks=tuple(tags), targets=(TARGET,)
@@ -194,7 +196,7 @@ def _pixels(body: Pose, tags: Sequence[Tag]) -> list[Array | None]:
 
 
 def _corners(body: Pose, tag: Tag) -> Array | None:
-    pixels = seen(body, tag, LENS)
+    pixels = tag_corners(body, tag, LENS)
     if pixels is None:
         return None
     pose = Pose(rotation_from_quaternion(tag.rotation), np.array(tag.position))
@@ -287,8 +289,8 @@ def ticks(
     """What agents report in each tick; every so many ticks comes what a camera saw."""
     for k in range(1, round(seconds / TICK) + 1):
         now = k * TICK
-        there = k % every == 0 and now > latency
-        yield telemetry(circles, now, tags, taken=round(now - latency, 9) if there else None)
+        has_image = k % every == 0 and now > latency
+        yield telemetry(circles, now, tags, taken=round(now - latency, 9) if has_image else None)
 
 
 def flown(
@@ -302,7 +304,7 @@ def flown(
 ) -> list[Estimate]:
     """Every estimate of a flight, what was heard being changed on its way."""
     heard = ticks(circles, seconds, tags, latency=latency)
-    return [made.locate(change(one)) for one in heard]
+    return [made.locate(change(report)) for report in heard]
 
 
 def flight(

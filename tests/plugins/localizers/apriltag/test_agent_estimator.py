@@ -158,8 +158,8 @@ def test_an_image_no_later_than_the_newest_node_is_ignored(late: float) -> None:
     flight = Flight(Circle(10))
     flight.fly(4.0)
     node = flight.estimator.anchor
-    found = views(flight.circle.body(0.5), TAGS)
-    flight.estimator.add_views(node.time - late, found)
+    late_views = views(flight.circle.body(0.5), TAGS)
+    flight.estimator.add_views(node.time - late, late_views)
     assert flight.estimator.anchor is node
 
 
@@ -181,9 +181,9 @@ def test_covariance_is_one_whether_the_way_is_one_leg_or_many() -> None:
     for flight in (whole, parts):
         flight.hear(6.0)
     parts.estimator.advance(6.5 - 1e-9)
-    one = np.sqrt(np.diag(whole.estimator.at(6.0).covariance))
-    many = np.sqrt(np.diag(parts.estimator.at(6.0).covariance))
-    assert many[[0, 1, 3]] == pytest.approx(one[[0, 1, 3]], rel=0.3)
+    whole_std = np.sqrt(np.diag(whole.estimator.at(6.0).covariance))
+    parts_std = np.sqrt(np.diag(parts.estimator.at(6.0).covariance))
+    assert parts_std[[0, 1, 3]] == pytest.approx(whole_std[[0, 1, 3]], rel=0.3)
 
 
 @pytest.mark.extended
@@ -199,7 +199,7 @@ def test_its_covariance_is_honest_over_many_flights() -> None:
 def test_after_a_restart_the_state_is_the_given_pose() -> None:
     flight = Flight(Circle(10))
     flight.fly(4.0)
-    there = Pose(rotation_from_vector(np.array([0.0, 0.0, 1.0])), np.array([5.0, 5.0, HEIGHT]))
-    flight.estimator.restart(4.0, there, np.eye(6) * 1e-4)
+    pose = Pose(rotation_from_vector(np.array([0.0, 0.0, 1.0])), np.array([5.0, 5.0, HEIGHT]))
+    flight.estimator.restart(4.0, pose, np.eye(6) * 1e-4)
     assert flight.estimator.at(4.0).position == pytest.approx([5.0, 5.0, HEIGHT])
     assert flight.estimator.at(4.0).yaw == pytest.approx(1.0)

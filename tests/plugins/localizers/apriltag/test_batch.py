@@ -49,8 +49,8 @@ def test_images_are_poses_in_the_graph_at_their_arrival() -> None:
 def test_an_image_of_another_size_is_excluded(caplog: pytest.LogCaptureFixture) -> None:
     circle = Circle(10)
     made = localizer(room([circle], TAGS), method="batch")
-    one = np.zeros(1)
-    image = Frames(np.zeros(1, np.int64), one + 0.9, one + 1.0, (blank(height=10),))
+    zero = np.zeros(1)
+    image = Frames(np.zeros(1, np.int64), zero + 0.9, zero + 1.0, (blank(height=10),))
     with caplog.at_level(logging.WARNING):
         estimate = made.locate(replace(telemetry([circle], 1.0), frames=image))
     assert estimate.valid.all()

@@ -32,14 +32,14 @@ def std(
     """Return the deviations along positions on the x axis, one each half second, m."""
     n = len(x)
     position = np.stack([x, np.zeros(n), np.full(n, height)], axis=1)[:, None]
-    found = expected_std(
+    deviations = expected_std(
         room,
         np.arange(0.0, n / 2, 0.5),
         position,
         np.broadcast_to(yaw, n)[:, None],
         max_tags_per_landmark=tags,
     )
-    return found[:, 0]
+    return deviations[:, 0]
 
 
 def test_a_tag_in_the_image_keeps_the_position_known() -> None:
@@ -97,12 +97,12 @@ def test_images_show_tags_at_slants_that_detectors_on_board_do_not_read() -> Non
 
 
 def test_errors_grow_between_landmarks_and_vanish_at_the_next() -> None:
-    found = std(room((0.8, 0.0), (4.6, 0.0)), np.linspace(0.0, 4.0, 20))
-    gap = found > SEEN_STD
+    deviations = std(room((0.8, 0.0), (4.6, 0.0)), np.linspace(0.0, 4.0, 20))
+    gap = deviations > SEEN_STD
     assert gap.any()
-    assert found[0] == found[-1] == SEEN_STD
-    assert (np.diff(found[gap]) > 0).all()
-    assert 0.1 < found.max() < 0.3
+    assert deviations[0] == deviations[-1] == SEEN_STD
+    assert (np.diff(deviations[gap]) > 0).all()
+    assert 0.1 < deviations.max() < 0.3
 
 
 def test_an_uncertain_drone_may_pass_a_tag_without_seeing_it() -> None:

@@ -39,15 +39,15 @@ def picture(
     down = np.where(rays[..., 2] < -0.1, -rays[..., 2], np.nan)
     beside = (eye[:2] + rays[..., :2] * (eye[2] / down)[..., None]) @ np.array([1.0, 1j])
     texel = (beside * cmath.rect(1.0, yaw) + place) / TEXEL + complex(512, 512)
-    seen = cv2.remap(
+    gray = cv2.remap(
         115 + stains * STAINS,
         np.nan_to_num(texel.real).astype(np.float32),
         np.nan_to_num(texel.imag).astype(np.float32),
         cv2.INTER_LINEAR,
         borderMode=cv2.BORDER_REFLECT,
     )
-    noise = np.random.default_rng(key).normal(0, NOISE, seen.shape)
-    image: Image = np.clip(np.rint(seen + noise), 0, 255).astype(np.uint8)
+    noise = np.random.default_rng(key).normal(0, NOISE, gray.shape)
+    image: Image = np.clip(np.rint(gray + noise), 0, 255).astype(np.uint8)
     return image
 
 
@@ -58,9 +58,9 @@ def track(
     time = np.arange(1, 201) / 100
     zero = np.zeros(len(time))
     odometry = OdometryTrack()
-    there = np.column_stack([zero + velocity.real, zero + velocity.imag, zero])
+    velocities = np.column_stack([zero + velocity.real, zero + velocity.imag, zero])
     odometry.add(
-        Odometry(zero.astype(int), time, there, zero + yaw_rate, zero, zero, zero + height),
+        Odometry(zero.astype(int), time, velocities, zero + yaw_rate, zero, zero, zero + height),
         np.arange(len(time)),
     )
     return odometry
@@ -108,15 +108,15 @@ def shift(
 @pytest.mark.parametrize("way", [0.03 + 0j, -0.02 + 0.02j, 0.04j])
 def test_the_way_is_found_to_a_millimetre_though_odometry_errs(way: complex) -> None:
     odometry = track(10 * way + (0.05 - 0.04j))
-    found = shift(picture(key=1), picture(way, key=2), odometry)
-    assert found == pytest.approx(way, abs=0.001)
+    motion = shift(picture(key=1), picture(way, key=2), odometry)
+    assert motion == pytest.approx(way, abs=0.001)
 
 
 def test_a_turn_is_the_gyros_less_its_bias() -> None:
     turned, bias = 0.06, 0.02
     odometry = track(0.3 + 0j, turned / (TO - FROM) + bias)
-    found = shift(picture(key=1), picture(0.03 + 0j, turned, key=2), odometry, yaw_bias=bias)
-    assert found == pytest.approx(0.03, abs=0.001)
+    motion = shift(picture(key=1), picture(0.03 + 0j, turned, key=2), odometry, yaw_bias=bias)
+    assert motion == pytest.approx(0.03, abs=0.001)
 
 
 def test_the_way_is_one_in_the_body_of_the_first_image() -> None:
@@ -181,11 +181,11 @@ def test_an_error_of_the_mounting_is_a_constant_factor() -> None:
     """Which is what calibration can learn."""
     ways: Array = np.array([0.01, 0.02, 0.04])
     odometry = [track(10 * way + 0j, height=0.82) for way in ways.tolist()]
-    found = [
-        shift(picture(key=1), picture(way, key=2), one)
-        for way, one in zip(ways.tolist(), odometry, strict=True)
+    motions = [
+        shift(picture(key=1), picture(way, key=2), leg)
+        for way, leg in zip(ways.tolist(), odometry, strict=True)
     ]
-    factors = np.array(found, complex) / ways
+    factors = np.array(motions, complex) / ways
     assert np.abs(factors - 0.82 / HEIGHT).max() < 0.05
     assert math.isclose(factors[-1].real, 0.82 / HEIGHT, abs_tol=0.01)
 
@@ -224,8 +224,8 @@ def test_points_near_the_horizon_are_as_good_as_others() -> None:
 
 def test_a_pattern_of_the_sensor_is_noticed_within_some_images() -> None:
     floor, odometry = FloorOdometry(LENS), track(0.28 + 0j)
-    found = [measure(floor, picture(key=k), 0.1 * k, odometry) for k in range(1, 16)]
-    assert all(motion is None for motion in found[4:])
+    motions = [measure(floor, picture(key=k), 0.1 * k, odometry) for k in range(1, 16)]
+    assert all(motion is None for motion in motions[4:])
 
 
 def test_an_image_that_is_only_kept_serves_the_next_one() -> None:

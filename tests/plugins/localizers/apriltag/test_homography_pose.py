@@ -18,8 +18,8 @@ SIZE = 0.168
 
 def rays(pose: Pose) -> Array:
     ahead = pose.apply(square_corners(SIZE))
-    seen: Array = ahead[:, :2] / ahead[:, 2:]
-    return seen
+    directions: Array = ahead[:, :2] / ahead[:, 2:]
+    return directions
 
 
 @given(angle, angle, angle, st.floats(-0.5, 0.5), st.floats(0.4, 2.0))
@@ -30,18 +30,18 @@ def test_exact_corners_give_the_exact_pose(
         FACING @ rotation_from_vector(np.array([roll, pitch, yaw])),
         np.array([aside, -aside, ahead]),
     )
-    found = homography_pose(rays(pose), SIZE)
-    assert found is not None
-    assert found.position == pytest.approx(pose.position, abs=1e-8)
-    assert found.rotation == pytest.approx(pose.rotation, abs=1e-7)
+    estimate = homography_pose(rays(pose), SIZE)
+    assert estimate is not None
+    assert estimate.position == pytest.approx(pose.position, abs=1e-8)
+    assert estimate.rotation == pytest.approx(pose.rotation, abs=1e-7)
 
 
 def test_what_it_gives_for_corners_that_err_is_a_rotation() -> None:
     pose = Pose(FACING @ rotation_from_vector(np.array([0.3, 0.1, 0.2])), np.array([0.1, 0.0, 1.2]))
-    found = homography_pose(rays(pose) + np.random.default_rng(0).normal(0, 0.002, (4, 2)), SIZE)
-    assert found is not None
-    assert found.rotation @ found.rotation.T == pytest.approx(np.eye(3), abs=1e-9)
-    assert np.linalg.det(found.rotation) == pytest.approx(1.0)
+    estimate = homography_pose(rays(pose) + np.random.default_rng(0).normal(0, 0.002, (4, 2)), SIZE)
+    assert estimate is not None
+    assert estimate.rotation @ estimate.rotation.T == pytest.approx(np.eye(3), abs=1e-9)
+    assert np.linalg.det(estimate.rotation) == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize(

@@ -66,7 +66,7 @@ class Flight:
         self.filter = JointFilter(start(circle.agent()), LENS.mounting, TAGS, HEIGHT, deviations)
         self.time = 0.0
 
-    def seen(self, time: float) -> list[tuple[int, View]]:
+    def views_at(self, time: float) -> list[tuple[int, View]]:
         """The tags in an image, through the real camera."""
         body, measured = self.circle.body(time), []
         real = {tag.id: tag for tag in self._real}
@@ -81,7 +81,7 @@ class Flight:
         for _ in range(round(seconds / EVERY)):
             self.time += EVERY
             self.filter.advance(self.time, self.track)
-            if not blind and (measured := self.seen(self.time)):
+            if not blind and (measured := self.views_at(self.time)):
                 self.filter.update(measured, self.track, stamped=True)
 
     @property
@@ -130,7 +130,7 @@ def test_the_derivative_of_dead_reckoning_is_that_of_differences(
 def test_the_derivatives_of_an_image_are_those_of_differences(off: Array) -> None:
     flight = Flight(Circle(5.0))
     flight.fly(1.0)
-    made, measured = flight.filter, flight.seen(flight.time)
+    made, measured = flight.filter, flight.views_at(flight.time)
     rows = [made._landmark_row(tag) for tag, _ in measured]
     made._mean = made._mean + 0.02 * off[: len(made._mean)]
     made._mean[CAMERA] = 0.0
@@ -223,12 +223,12 @@ def shifted(by: float) -> list[Tag]:
 def test_survey_deviations_reduce_the_effect_of_moved_sheets() -> None:
     real = shifted(0.03)
     wide = CAREFUL._replace(survey=0.015, survey_turn=0.02)
-    known, surveyed = (
+    aware, surveyed = (
         Flight(Circle(11), real=real, deviations=deviations)
         for deviations in (wide, CAREFUL._replace(survey=1e-4, survey_turn=1e-4))
     )
     worst = []
-    for flight in (known, surveyed):
+    for flight in (aware, surveyed):
         far = []
         for _ in range(44):
             flight.fly(0.25)
@@ -258,7 +258,7 @@ def test_a_view_that_is_wrong_does_little_harm_among_right_ones() -> None:
     for _ in range(50):
         flight.time += EVERY
         flight.filter.advance(flight.time, flight.track)
-        measured = flight.seen(flight.time)
+        measured = flight.views_at(flight.time)
         wrong = [(tag, corner(view, off=0.05)) for tag, view in measured[:1]]
         flight.filter.update([*measured, *wrong], flight.track, stamped=True)
     assert np.abs(flight.off).max() < 0.02
@@ -268,7 +268,7 @@ def test_an_image_that_is_not_finite_is_ignored(caplog: pytest.LogCaptureFixture
     flight = Flight(Circle(10))
     flight.fly(2.0)
     before = flight.filter.anchor
-    tag, view = flight.seen(2.0)[0]
+    tag, view = flight.views_at(2.0)[0]
     flight.filter.update(
         [(tag, view._replace(rays=view.rays * math.nan))], flight.track, stamped=True
     )
@@ -306,10 +306,12 @@ def test_noise_turns_with_the_heading() -> None:
     track, first = odometry(Circle(10)), start(Circle(10).agent())
     turned = first.mean.copy()
     turned[YAW] += math.pi / 2
-    here = carried(first, 3.0, track)[0].covariance[[X, X + 1]][:, [SLIP_X, SLIP_Y]]
-    there = carried(first._replace(mean=turned), 3.0, track)[0].covariance
+    slip_covariance = carried(first, 3.0, track)[0].covariance[[X, X + 1]][:, [SLIP_X, SLIP_Y]]
+    turned_covariance = carried(first._replace(mean=turned), 3.0, track)[0].covariance
     quarter = np.array([[0.0, -1.0], [1.0, 0.0]])
-    assert there[[X, X + 1]][:, [SLIP_X, SLIP_Y]] == pytest.approx(quarter @ here, abs=1e-12)
+    assert turned_covariance[[X, X + 1]][:, [SLIP_X, SLIP_Y]] == pytest.approx(
+        quarter @ slip_covariance, abs=1e-12
+    )
 
 
 def rolling(track: OdometryTrack, time: float, rate: float) -> OdometryTrack:
@@ -331,7 +333,7 @@ def test_unstamped_images_constrain_along_track_position_less() -> None:
     for stamped in (True, False):
         flight = Flight(Circle(5.0))
         flight.fly(3.0, blind=True)
-        flight.filter.update(flight.seen(flight.time), flight.track, stamped=stamped)
+        flight.filter.update(flight.views_at(flight.time), flight.track, stamped=stamped)
         yaw = flight.circle.body(flight.time).yaw
         ahead = np.array([math.cos(yaw), math.sin(yaw)])
         covariance = flight.filter.anchor.covariance[:2, :2]
@@ -347,15 +349,15 @@ def test_late_images_of_a_rolling_body_do_little_harm() -> None:
     for rolls in (True, False):
         flight = Flight(Circle(5.0))
         flight.fly(1.0)
-        here = flight.circle.body(flight.time).position
+        position = flight.circle.body(flight.time).position
         lean = Pose(rotation_from_vector(np.array([-rate * late, 0, 0])), np.zeros(3))
         body = flight.circle.body(flight.time - late) @ lean
         flight.circle.body = lambda _, then=body: then  # type: ignore[method-assign,misc]
-        tag, view = flight.seen(flight.time)[0]
+        tag, view = flight.views_at(flight.time)[0]
         if rolls:
             rolling(flight.track, flight.time, rate)
         flight.filter.update([(tag, corner(view, off=0.0))], flight.track, stamped=False)
-        errors.append(math.dist(flight.filter.anchor.mean[:2], here[:2]))
+        errors.append(math.dist(flight.filter.anchor.mean[:2], position[:2]))
     assert errors[0] < 0.3 * errors[1]
 
 
@@ -380,7 +382,7 @@ def test_the_latency_of_images_without_timestamps_is_estimated(late: float) -> N
         arrived = EVERY * k + late  # less the assumed latency
         flight.time = arrived - flight.filter.latency
         flight.filter.advance(flight.time, flight.track)
-        flight.filter.update(flight.seen(arrived - late), flight.track, stamped=False)
+        flight.filter.update(flight.views_at(arrived - late), flight.track, stamped=False)
     assert flight.filter.latency == pytest.approx(late, abs=0.006)
     assert np.abs(flight.off).max() < 0.005
 

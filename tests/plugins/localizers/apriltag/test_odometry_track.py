@@ -53,10 +53,10 @@ def even(
 
 @given(samples, st.floats(0.0, 1.0), st.floats(0.0, 1.0))
 def test_a_motion_is_what_an_integrator_finds(
-    rows: list[tuple[float, float, float, float]], one: float, other: float
+    rows: list[tuple[float, float, float, float]], fraction: float, other: float
 ) -> None:
     times = np.cumsum([row[0] for row in rows])
-    begin, end = sorted((one * times[-1], other * times[-1]))
+    begin, end = sorted((fraction * times[-1], other * times[-1]))
     shift, turn = 0j, 0.0
     for k, (took, forward, left, rate) in enumerate(rows):
         first, last = np.clip([times[k] - took, times[k]], begin, end)

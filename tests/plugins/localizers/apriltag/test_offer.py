@@ -14,8 +14,8 @@ SCENE = room([Circle(1)], sheets())
 
 
 def problems(scene: Scene, **changes: Any) -> list[tuple[tuple[str | int, ...], str]]:
-    found = star_apriltag.check(scene, **fill_defaults(changes, star_apriltag.OPTIONS))
-    return [(problem.path, problem.code) for problem in found]
+    mistakes = star_apriltag.check(scene, **fill_defaults(changes, star_apriltag.OPTIONS))
+    return [(problem.path, problem.code) for problem in mistakes]
 
 
 def test_missions_in_which_no_tag_is_visible_are_refused() -> None:

@@ -41,7 +41,7 @@ def claim(time: float, *, aside: float = 0.0, turned: float = 0.0, landmarks: st
 
 def considered(*claims: Claim, landmarks: int = 9) -> list[bool]:
     relocation, odometry = Relocation(landmarks), track()
-    return [relocation.consider(one, odometry) for one in claims]
+    return [relocation.consider(claim, odometry) for claim in claims]
 
 
 def test_claims_that_agree_through_the_odometry_are_believed() -> None:

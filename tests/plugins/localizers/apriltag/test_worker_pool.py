@@ -90,11 +90,11 @@ def test_a_tick_does_not_wait_for_a_process_in_real_time() -> None:
         (process,) = processes(made)
         os.kill(process, signal.SIGSTOP)
         heard = list(ticks([circle], 8.0, TAGS))
-        late = [made.locate(one) for one in heard[:100]]  # it would wait for ever
+        late = [made.locate(report) for report in heard[:100]]  # it would wait for ever
         os.kill(process, signal.SIGCONT)
-        for one in heard[100:]:
+        for report in heard[100:]:
             time.sleep(0.02)
-            estimate = made.locate(one)
+            estimate = made.locate(report)
     assert off(late, circle)[-1] > 0.1  # odometry only
     assert off([estimate], circle)[0] < 0.05
 
@@ -102,10 +102,10 @@ def test_a_tick_does_not_wait_for_a_process_in_real_time() -> None:
 def test_only_agents_of_a_dead_process_are_unlocated(caplog: pytest.LogCaptureFixture) -> None:
     with localizer(room(CIRCLES, TAGS), 2) as made:
         heard = list(ticks(CIRCLES, 2.0, TAGS))
-        for one in heard[:10]:
-            made.locate(one)
+        for report in heard[:10]:
+            made.locate(report)
         os.kill(processes(made)[1], signal.SIGKILL)
-        estimates = [made.locate(one) for one in heard[10:]]
+        estimates = [made.locate(report) for report in heard[10:]]
     assert estimates[-1].valid.tolist() == [True, False]
     assert np.isfinite(estimates[-1].position).all()
     (message,) = [r.getMessage() for r in caplog.records if r.levelno == logging.ERROR]
@@ -125,8 +125,8 @@ def test_an_error_in_a_process_is_raised() -> None:
 
 
 def test_log_messages_of_a_process_are_logged(caplog: pytest.LogCaptureFixture) -> None:
-    one = np.zeros(1)
-    image = Frames(np.zeros(1, np.int64), one + 0.9, one + 1.0, (blank(height=10),))
+    zero = np.zeros(1)
+    image = Frames(np.zeros(1, np.int64), zero + 0.9, zero + 1.0, (blank(height=10),))
     with localizer(room([Circle(2)], TAGS), 1) as made:
         made.locate(replace(telemetry([Circle(2)], 1.0), frames=image))
         made.locate(telemetry([Circle(2)], 1.05))
@@ -161,8 +161,8 @@ def test_a_late_process_gets_no_old_images_but_all_odometry() -> None:
         pending = worker._pending
     finally:
         worker.close()
-    assert sum(len(one.odometry.time) for one in pending) == 300
-    with_images = [one.time for one in pending if one.images]
+    assert sum(len(tick.odometry.time) for tick in pending) == 300
+    with_images = [tick.time for tick in pending if tick.images]
     assert with_images
     assert min(with_images) >= pending[-1].time - worker_pool.MAX_IMAGE_AGE
 

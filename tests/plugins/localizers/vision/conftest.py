@@ -83,7 +83,7 @@ def hovering(
     return Pose(rotation_from_quaternion(turned(roll, pitch, yaw)), np.array([x, y, 0.8]))
 
 
-def seen(body: Pose, tag: Tag, lens: CameraModel = LENS) -> Array | None:
+def tag_corners(body: Pose, tag: Tag, lens: CameraModel = LENS) -> Array | None:
     """Returns the (4, 2) corners of a tag, or None if it is not wholly in the image."""
     camera = (body @ lens.mounting).inverse().apply(in_map(tag).apply(square_corners(tag.size)))
     if camera[:, 2].min() < 0.1:

@@ -27,10 +27,10 @@ def view(
     return View(corners, camera[:, :2] / camera[:, 2:], deviation, late)
 
 
-def off(found: Pose, true: Pose) -> Array:
+def off(pose: Pose, true: Pose) -> Array:
     """Returns the step from what was found to the truth, (6,)."""
-    turn = Rotation.from_matrix(found.rotation.T @ true.rotation).as_rotvec()
-    return np.concatenate([turn, found.rotation.T @ (true.position - found.position)])
+    turn = Rotation.from_matrix(pose.rotation.T @ true.rotation).as_rotvec()
+    return np.concatenate([turn, pose.rotation.T @ (true.position - pose.position)])
 
 
 @given(st.lists(st.floats(-1, 1), min_size=6, max_size=6))
@@ -99,7 +99,7 @@ def test_a_point_and_a_tag_are_more_accurate_than_the_tag_alone() -> None:
     body = hovering()
     tag, far = (view(body, on_floor(1, x, 0.0), 0.002) for x in (0.7, 1.9))
     point = View(far.points[:1], far.rays[:1], far.deviation, far.delay[:1])
-    alone, both = (refine(body, seen, LENS.mounting, LEVEL) for seen in ([tag], [tag, point]))
+    alone, both = (refine(body, views, LENS.mounting, LEVEL) for views in ([tag], [tag, point]))
     assert alone is not None
     assert both is not None
     assert both.covariance[2, 2] < 0.5 * alone.covariance[2, 2]  # the variance of yaw

@@ -5,7 +5,7 @@ import pytest
 
 from star_apriltag.vision.detector import Detector, refine
 from star_core import Image
-from tests.plugins.localizers.vision.conftest import LENS, hovering, on_floor, paint, seen
+from tests.plugins.localizers.vision.conftest import LENS, hovering, on_floor, paint, tag_corners
 
 SHAPE = (244, 324)
 
@@ -18,18 +18,18 @@ def test_tag_corners_up_to_1_5_m_are_within_a_sixth_of_a_pixel() -> None:
         side = 0.2 * math.sin(5 * i)
         x, y, _ = body.apply(np.array([ahead, side, 0]))
         tag = on_floor(61 * i, x, y, yaw=2.0 * i)
-        expected = seen(body, tag)
-        found = detector.detect(paint(body, [tag]))
+        expected = tag_corners(body, tag)
+        detections = detector.detect(paint(body, [tag]))
         assert expected is not None
-        assert found.tag.tolist() == [tag.id]
-        square += float(np.square(found.corners[0] - expected).sum(axis=1).mean())
+        assert detections.tag.tolist() == [tag.id]
+        square += float(np.square(detections.corners[0] - expected).sum(axis=1).mean())
         count += 1
     assert math.sqrt(square / count) <= 1 / 6
 
 
 def test_corners_run_from_the_bottom_left_anticlockwise() -> None:
-    found = Detector(LENS).detect(paint(hovering(), [on_floor(3, 0.7, 0.0, yaw=-math.pi / 2)]))
-    (bottom_left, bottom_right, top_right, top_left), *_ = found.corners  # x points right
+    detections = Detector(LENS).detect(paint(hovering(), [on_floor(3, 0.7, 0.0, yaw=-math.pi / 2)]))
+    (bottom_left, bottom_right, top_right, top_left), *_ = detections.corners  # x points right
     assert bottom_left[0] < bottom_right[0]
     assert top_left[0] < top_right[0]
     assert top_left[1] < bottom_left[1]
@@ -38,10 +38,10 @@ def test_corners_run_from_the_bottom_left_anticlockwise() -> None:
 
 def test_two_tags_are_found_in_one_image() -> None:
     tags = [on_floor(7, 0.7, -0.105), on_floor(8, 0.7, 0.105)]
-    found = Detector(LENS).detect(paint(hovering(), tags))
-    assert sorted(found.tag.tolist()) == [7, 8]
-    assert found.corners.shape == (2, 4, 2)
-    assert (found.misfit < 0.2).all()
+    detections = Detector(LENS).detect(paint(hovering(), tags))
+    assert sorted(detections.tag.tolist()) == [7, 8]
+    assert detections.corners.shape == (2, 4, 2)
+    assert (detections.misfit < 0.2).all()
 
 
 @pytest.mark.parametrize("shape", [(240, 324), (0, 0), (244 * 324,), (244, 324, 3)])
@@ -58,9 +58,9 @@ def test_an_image_of_another_size_is_refused(shape: tuple[int, ...]) -> None:
     ],
 )
 def test_nothing_is_found_in_an_image_of_one_gray_or_noise(image: Image) -> None:
-    found = Detector(LENS).detect(image)
-    assert found.tag.shape == (0,)
-    assert found.corners.shape == (0, 4, 2)
+    detections = Detector(LENS).detect(image)
+    assert detections.tag.shape == (0,)
+    assert detections.corners.shape == (0, 4, 2)
 
 
 def test_an_image_may_be_a_view_of_a_larger_one() -> None:
@@ -84,7 +84,7 @@ def test_sides_without_contrast_have_no_corners() -> None:
 
 def test_corner_refinement_recovers_from_a_pixel_of_error() -> None:
     tag = on_floor(11, 0.65, 0.05)
-    expected = seen(hovering(), tag)
+    expected = tag_corners(hovering(), tag)
     assert expected is not None
     off = expected + np.array([[1.0, -0.5], [-0.7, -0.7], [0.5, 1.0], [0.6, -0.6]])
     nothing = np.array([[5.0, 30.0], [30.0, 30.0], [30.0, 5.0], [5.0, 5.0]])

@@ -98,7 +98,9 @@ def test_excluded_tags_are_not_expected() -> None:
 def test_of_many_tags_the_nearest_are_expected() -> None:
     tags = [on_floor(k, 2.0 - 0.1 * k, 0.3) for k in range(MAX_TAGS + 4)]
     expected = expect(tags)
-    assert [one.tag.number for one in expected] == [tag.id for tag in tags[: -MAX_TAGS - 1 : -1]]
+    assert [expectation.tag.number for expectation in expected] == [
+        tag.id for tag in tags[: -MAX_TAGS - 1 : -1]
+    ]
 
 
 def test_without_a_map_nothing_is_expected() -> None:
@@ -113,13 +115,13 @@ def test_an_agent_that_is_nowhere_expects_nothing() -> None:
 def test_the_covariance_is_that_of_where_it_is_seen() -> None:
     rng = np.random.default_rng(0)
     (expected,) = expect([TAG], predicted(BODY, deviation=0.02, yaw_deviation=0.02))
-    seen = []
+    centres = []
     for _ in range(2000):
         around = rotation_from_vector(np.array([0, 0, rng.normal(0, 0.02)]))
         tilt = rotation_from_vector(rng.normal(0, TURN_STD, 3))
         shift = rng.normal(0, [0.02, 0.02, HEIGHT_STD])
         body = Pose(around @ BODY.rotation @ tilt, BODY.position + shift)
-        seen.append(centre(body, TAG))
-    found = np.linalg.inv(expected.covariance) @ np.cov(np.array(seen).T)
+        centres.append(centre(body, TAG))
+    ratio = np.linalg.inv(expected.covariance) @ np.cov(np.array(centres).T)
     # A variance from 2000 numbers has a deviation of 3 %; the lens is taken for even all around.
-    np.testing.assert_allclose(found, np.eye(2), atol=0.25)
+    np.testing.assert_allclose(ratio, np.eye(2), atol=0.25)

@@ -40,7 +40,7 @@ def test_surprise_is_measured_along_the_axes_of_the_covariance() -> None:
 
 
 @pytest.mark.parametrize(
-    ("found", "verdict"),
+    ("candidate", "verdict"),
     [
         (fix(), Verdict.ACCEPTED),
         (fix(x=0.24), Verdict.ACCEPTED),
@@ -51,8 +51,8 @@ def test_surprise_is_measured_along_the_axes_of_the_covariance() -> None:
         (fix(misfit=math.nan), Verdict.MISFIT),
     ],
 )
-def test_a_fix_is_believed_within_five_deviations(found: Fix, verdict: Verdict) -> None:
-    assert judge(found, 1.0, hovering(), SURE)[0] is verdict
+def test_a_fix_is_believed_within_five_deviations(candidate: Fix, verdict: Verdict) -> None:
+    assert judge(candidate, 1.0, hovering(), SURE)[0] is verdict
 
 
 def test_a_covariance_that_is_no_number_lets_nothing_pass() -> None:

@@ -47,10 +47,10 @@ def centre(tag: Tag, body: Pose = BODY) -> Array:
 
 def off(by: Sequence[float], yaw: float = 0.0) -> Prediction:
     """Returns a prediction that is off by some way, m, and a turn."""
-    there = Pose(
+    pose = Pose(
         rotation_from_vector(np.array([0, 0, yaw])) @ BODY.rotation, BODY.position + np.array(by)
     )
-    return replace(predicted(BODY, deviation=0.04, yaw_deviation=0.02), pose=there)
+    return replace(predicted(BODY, deviation=0.04, yaw_deviation=0.02), pose=pose)
 
 
 @pytest.fixture(scope="module")
@@ -220,11 +220,11 @@ def test_between_pixels_it_is_at_the_summit(u: float, v: float) -> None:
     assert _peak(likeness.astype(np.float32)) == pytest.approx((6 + u, 4 + v), abs=1e-3)
 
 
-@pytest.mark.parametrize(("best", "found"), [(0.55, False), (0.65, True), (math.inf, False)])
-def test_what_is_not_like_the_tag_is_no_peak(best: float, found: bool) -> None:  # noqa: FBT001
+@pytest.mark.parametrize(("best", "is_peak"), [(0.55, False), (0.65, True), (math.inf, False)])
+def test_what_is_not_like_the_tag_is_no_peak(best: float, is_peak: bool) -> None:  # noqa: FBT001
     likeness = np.zeros((9, 9), np.float32)
     likeness[4, 5] = best
-    assert (_peak(likeness) is not None) == found
+    assert (_peak(likeness) is not None) == is_peak
 
 
 @pytest.mark.parametrize(("row", "column"), [(0, 4), (8, 4), (4, 0), (4, 8)])

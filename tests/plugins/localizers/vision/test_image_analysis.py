@@ -19,7 +19,7 @@ from tests.plugins.localizers.vision.conftest import (
     on_wall,
     paint,
     predicted,
-    seen,
+    tag_corners,
     turned_model,
 )
 
@@ -32,7 +32,7 @@ def eye(tags: Sequence[Tag]) -> ImageAnalyzer:
 
 
 def table(body: Pose, tags: Sequence[Tag], lens: CameraModel = LENS) -> tuple[Rows, Array]:
-    corners = [seen(body, tag, lens) for tag in tags]
+    corners = [tag_corners(body, tag, lens) for tag in tags]
     assert all(c is not None for c in corners)
     return np.array([tag.id for tag in tags]), np.array(corners)
 
@@ -72,26 +72,26 @@ def test_two_tags_that_were_taken_for_each_other_are_turned_away() -> None:
 
 
 def test_a_wrong_number_among_right_ones_does_not_move_the_fix() -> None:
-    known = [*LANDMARKS, on_floor(3, -1.4, 1.4)]
+    landmarks = [*LANDMARKS, on_floor(3, -1.4, 1.4)]
     _, corners = table(hovering(), LANDMARKS)
-    look = eye(known).evaluate(np.array([1, 3]), corners, predicted(hovering()))
+    look = eye(landmarks).evaluate(np.array([1, 3]), corners, predicted(hovering()))
     assert verdicts(look) == [Verdict.ACCEPTED, Verdict.ELSEWHERE]
     assert look.fix is not None
     np.testing.assert_allclose(look.fix.pose.position, hovering().position, atol=1e-4)
 
 
 def test_the_more_surprising_of_inconsistent_tags_is_rejected() -> None:
-    known = [*LANDMARKS, on_floor(3, 0.7, -0.315, yaw=0.3)]  # as near to 1 as 2 is
+    landmarks = [*LANDMARKS, on_floor(3, 0.7, -0.315, yaw=0.3)]  # as near to 1 as 2 is
     _, corners = table(hovering(), LANDMARKS)
-    look = eye(known).evaluate(np.array([1, 3]), corners, predicted(hovering(), deviation=0.3))
+    look = eye(landmarks).evaluate(np.array([1, 3]), corners, predicted(hovering(), deviation=0.3))
     assert verdicts(look) == [Verdict.ACCEPTED, Verdict.INCONSISTENT]
     assert look.fix is not None
     np.testing.assert_allclose(look.fix.pose.position, hovering().position, atol=1e-4)
 
 
 def test_tags_with_two_centimetres_of_map_error_are_accepted() -> None:
-    known = [on_floor(1, 0.72, -0.105, yaw=0.3), on_floor(2, 0.7, 0.125, yaw=0.33)]
-    look = eye(known).evaluate(*table(hovering(), LANDMARKS), predicted(hovering()))
+    landmarks = [on_floor(1, 0.72, -0.105, yaw=0.3), on_floor(2, 0.7, 0.125, yaw=0.33)]
+    look = eye(landmarks).evaluate(*table(hovering(), LANDMARKS), predicted(hovering()))
     assert verdicts(look) == [Verdict.ACCEPTED] * 2
 
 
@@ -144,7 +144,7 @@ def test_the_right_one_of_two_solutions_is_chosen(wall: bool) -> None:  # noqa: 
         tag = on_floor(1, x, y, yaw=9 * side)
         if wall:
             tag = on_wall(1, x, y, height, facing=way + math.pi + side)
-        corners = seen(body, tag)
+        corners = tag_corners(body, tag)
         distance = float(np.linalg.norm(body.position - tag.position))
         if corners is None or distance > 1.5:
             continue
@@ -191,16 +191,16 @@ def test_the_error_of_a_target_agrees_with_its_covariance(target: Tag) -> None:
     rng = np.random.default_rng(1)
     body = hovering(yaw=0.2)
     expected = body.inverse() @ in_map(target)
-    clean = seen(body, target)
+    clean = tag_corners(body, target)
     assert clean is not None
     distance = float(np.linalg.norm((body @ LENS.mounting).position - target.position))
     squares = []
     for _ in range(150):
         noisy = clean + rng.normal(0, corner_std(distance, target.size), (4, 2))
         look = eye(LANDMARKS).evaluate(np.array([9]), noisy[None], predicted(body))
-        (found,) = look.targets
-        error = found.pose.position - expected.position
-        squares.append(error @ np.linalg.solve(found.covariance, error))
+        (sighting,) = look.targets
+        error = sighting.pose.position - expected.position
+        squares.append(error @ np.linalg.solve(sighting.covariance, error))
         assert np.abs(error).max() < 0.1
     # The mean of 150 values of chi² with 3 degrees of freedom has a deviation of 0.2.
     assert np.mean(squares) == pytest.approx(3, abs=1.0)
@@ -209,13 +209,13 @@ def test_the_error_of_a_target_agrees_with_its_covariance(target: Tag) -> None:
 def test_a_target_on_the_floor_is_not_taken_for_one_on_a_wall() -> None:
     rng = np.random.default_rng(2)
     body, expected = hovering(), hovering().inverse() @ in_map(TARGET)
-    clean = seen(body, TARGET)
+    clean = tag_corners(body, TARGET)
     assert clean is not None
     for _ in range(100):
         noisy = clean + rng.normal(0, 0.3, (4, 2))
-        (found,) = eye([]).evaluate(np.array([9]), noisy[None], predicted(body)).targets
-        assert found.pose.rotation[2, 2] == pytest.approx(expected.rotation[2, 2], abs=0.3)
-        assert found.pose.yaw == pytest.approx(expected.yaw, abs=0.2)
+        (sighting,) = eye([]).evaluate(np.array([9]), noisy[None], predicted(body)).targets
+        assert sighting.pose.rotation[2, 2] == pytest.approx(expected.rotation[2, 2], abs=0.3)
+        assert sighting.pose.yaw == pytest.approx(expected.yaw, abs=0.2)
 
 
 FAR = [on_floor(3, 1.9, -0.1, yaw=0.4), on_floor(4, 1.9, 0.11, yaw=0.4)]
@@ -228,7 +228,7 @@ def sure(body: Pose) -> Prediction:
 def test_tags_that_are_not_detected_are_found_by_guidance() -> None:
     body = hovering()
     look = eye([*LANDMARKS, *FAR]).analyze(paint(body, [*LANDMARKS, *FAR]), sure(body))
-    assert {seen.tag for seen in look.accepted} == {1, 2}
+    assert {detection.tag for detection in look.accepted} == {1, 2}
     assert {match.tag for match in look.matches} == {3, 4}
     assert [len(view.points) for _, view in look.views] == [4, 4, 1, 1]
 
@@ -286,7 +286,7 @@ def test_only_accepted_detections_hide_a_match(
 ) -> None:
     body, moved = hovering(), on_floor(1, -1.4, -0.9)
     own, _ = eye(FAR).analyze(paint(body, FAR), sure(body)).matches
-    hidden = seen(body, LANDMARKS[under])
+    hidden = tag_corners(body, LANDMARKS[under])
     assert hidden is not None
     monkeypatch.setattr(
         "star_apriltag.vision.image_analysis.match_tag",

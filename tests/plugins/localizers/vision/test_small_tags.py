@@ -16,7 +16,7 @@ from star_apriltag.vision.quads import dark_quads
 from star_apriltag.vision.tag_code import MIN_CORRELATION, module_grid, read_codes
 from star_core import Array, Camera, Image, Tag
 from star_core.toolkit import CameraModel
-from tests.plugins.localizers.vision.conftest import LENS, hovering, on_floor, paint, seen
+from tests.plugins.localizers.vision.conftest import LENS, hovering, on_floor, paint, tag_corners
 
 FAMILY = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
 PHOTOS = os.environ.get("STAR_TAG_PHOTOS")
@@ -57,17 +57,17 @@ def opencv(image: Image) -> list[int]:
 
 
 def test_tags_of_eleven_to_seventeen_pixels_are_found(small: list[Tag], image: Image) -> None:
-    expected = {tag.id: seen(hovering(), tag) for tag in small}
+    expected = {tag.id: tag_corners(hovering(), tag) for tag in small}
     edges = np.array([sides(pixels).mean() for pixels in expected.values() if pixels is not None])
     assert len(edges) == len(small)
     assert edges.min() == pytest.approx(11, abs=1)
     assert edges.max() == pytest.approx(16.5, abs=1)
-    found = Detector(LENS).detect(image)
-    assert sorted(found.tag.tolist()) == sorted(expected)
+    detections = Detector(LENS).detect(image)
+    assert sorted(detections.tag.tolist()) == sorted(expected)
     assert len(opencv(image)) < len(small)
     errors = [
         np.linalg.norm(corners - expected[tag], axis=1).mean()
-        for tag, corners in zip(found.tag.tolist(), found.corners, strict=True)
+        for tag, corners in zip(detections.tag.tolist(), detections.corners, strict=True)
     ]
     assert np.median(errors) < 0.2
 
@@ -79,11 +79,14 @@ def test_the_resolution_of_an_image_does_not_matter(
     large = np.asarray(
         cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_CUBIC), np.uint8
     )
-    found, as_it_is = Detector(lens_of(large)).detect(large), Detector(lens_of(image)).detect(image)
-    assert sorted(found.tag.tolist()) == sorted(tag.id for tag in small)
+    detections, as_it_is = (
+        Detector(lens_of(large)).detect(large),
+        Detector(lens_of(image)).detect(image),
+    )
+    assert sorted(detections.tag.tolist()) == sorted(tag.id for tag in small)
     for tag, corners in zip(as_it_is.tag.tolist(), as_it_is.corners, strict=True):
-        (there,) = found.corners[found.tag == tag]
-        assert np.linalg.norm((there + 0.5) / scale - 0.5 - corners, axis=1).mean() < 0.3
+        (large_corners,) = detections.corners[detections.tag == tag]
+        assert np.linalg.norm((large_corners + 0.5) / scale - 0.5 - corners, axis=1).mean() < 0.3
 
 
 def test_a_small_tag_is_found_in_a_large_image(image: Image) -> None:
@@ -107,11 +110,11 @@ def test_a_tag_is_read_in_every_direction(turns: int) -> None:
     tag = np.pad(cv2.aruco.generateImageMarker(FAMILY, 99, 8), 1, constant_values=255)
     large = np.kron(np.rot90(tag, turns), np.ones((6, 6))).astype(np.uint8)
     picture = np.pad(large, 60, constant_values=180)
-    found = Detector(lens_of(picture)).detect(picture)
-    assert found.tag.tolist() == [99]
+    detections = Detector(lens_of(picture)).detect(picture)
+    assert detections.tag.tolist() == [99]
     first, last = 65.5, 113.5  # px: the edges of the black square
     square = np.array([[first, last], [last, last], [last, first], [first, first]])
-    np.testing.assert_allclose(found.corners[0], np.roll(square, -turns, axis=0), atol=0.15)
+    np.testing.assert_allclose(detections.corners[0], np.roll(square, -turns, axis=0), atol=0.15)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -126,8 +129,10 @@ def test_squares_that_look_like_tags_are_none(seed: int) -> None:
     for center in np.mgrid[60:960:70, 60:540:70].reshape(2, -1).T:
         code = rng.integers(0, 2, (6, 6)) * 255
         if rng.random() < 0.6:
-            one = cv2.aruco.generateImageMarker(others[rng.integers(2)], int(rng.integers(250)), 8)
-            code = np.asarray(one[1:-1, 1:-1], np.int64)
+            marker = cv2.aruco.generateImageMarker(
+                others[rng.integers(2)], int(rng.integers(250)), 8
+            )
+            code = np.asarray(marker[1:-1, 1:-1], np.int64)
         square = np.kron(np.pad(np.pad(code, 1), 1, constant_values=230), np.ones((5, 5)))
         angle, size = rng.uniform(0, 6), rng.uniform(0.5, 0.9)
         turn = size * np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
@@ -157,22 +162,26 @@ def test_photographs_agree_with_the_apriltag_library() -> None:
     assert listed
     for path in listed:
         rows = [re.findall(r"[-\d.]+", line) for line in path.read_text().splitlines()]
-        known = [(int(row[0]), np.array(row[1:], float).reshape(4, 2) - 0.5) for row in rows if row]
+        reference = [
+            (int(row[0]), np.array(row[1:], float).reshape(4, 2) - 0.5) for row in rows if row
+        ]
         read = cv2.imread(str(path.with_suffix(".jpg")), cv2.IMREAD_GRAYSCALE)
         assert read is not None
         image = np.asarray(read, np.uint8)
-        found = Detector(lens_of(image)).detect(image)
-        distances = [off for tag, corners in known for off in _distances(found, tag, corners)]
-        assert len(distances) >= len(known) - max(1, len(known) // 10)
+        detections = Detector(lens_of(image)).detect(image)
+        distances = [
+            off for tag, corners in reference for off in _distances(detections, tag, corners)
+        ]
+        assert len(distances) >= len(reference) - max(1, len(reference) // 10)
         assert np.median(distances) < 0.5
-        assert len(found.tag) >= len(opencv(image))
+        assert len(detections.tag) >= len(opencv(image))
 
 
-def _distances(found: TagDetections, tag: int, corners: Array) -> list[float]:
+def _distances(detections: TagDetections, tag: int, corners: Array) -> list[float]:
     """Return the mean distance of the corners of a tag from those found, px, if it is found."""
     turned = np.array([np.roll(corners[::way], k, axis=0) for way in (1, -1) for k in range(4)])
     distances = [
-        float(np.linalg.norm(turned - one, axis=2).mean(axis=1).min())
-        for one in found.corners[found.tag == tag]
+        float(np.linalg.norm(turned - candidate, axis=2).mean(axis=1).min())
+        for candidate in detections.corners[detections.tag == tag]
     ]
     return sorted(d for d in distances if d < sides(corners).mean() / 2)[:1]

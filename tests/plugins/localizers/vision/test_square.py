@@ -3,14 +3,14 @@ import pytest
 
 from star_apriltag.vision.tag_poses import corner_std, solve
 from star_core import Array
-from tests.plugins.localizers.vision.conftest import LENS, hovering, in_map, on_floor, seen
+from tests.plugins.localizers.vision.conftest import LENS, hovering, in_map, on_floor, tag_corners
 
 SIZE = 0.168
 
 
 @pytest.fixture
 def pixels() -> Array:
-    corners = seen(hovering(), on_floor(1, 0.8, 0.1, yaw=0.4))
+    corners = tag_corners(hovering(), on_floor(1, 0.8, 0.1, yaw=0.4))
     assert corners is not None
     return corners
 

@@ -18,14 +18,14 @@ TAG = on_floor(7, 0.8, 0.1, yaw=0.4)
 
 
 def drawn(tag: Tag, region: Region, body: Pose = BODY) -> Template:
-    there = (body @ LENS.mounting).inverse() @ in_map(tag)
-    return template(tag.id, tag.size, there, LENS, region)
+    pose = (body @ LENS.mounting).inverse() @ in_map(tag)
+    return template(tag.id, tag.size, pose, LENS, region)
 
 
 def outline(tag: Tag) -> Array:
     """Returns the (4, 2) corners of a tag's rim in the image."""
-    there = (BODY @ LENS.mounting).inverse() @ in_map(tag)
-    return LENS.project(there.apply(MapTag(tag).outline))
+    pose = (BODY @ LENS.mounting).inverse() @ in_map(tag)
+    return LENS.project(pose.apply(MapTag(tag).outline))
 
 
 def around(tag: Tag) -> Region:
@@ -52,8 +52,8 @@ def test_paper_fills_what_is_within_its_outline() -> None:
 
 
 def test_the_code_is_six_tenths_of_the_paper_along_each_side() -> None:
-    seen = drawn(TAG, around(TAG))
-    assert float(seen.code.sum() / seen.paper.sum()) == pytest.approx(0.36, rel=0.03)
+    drawing = drawn(TAG, around(TAG))
+    assert float(drawing.code.sum() / drawing.paper.sum()) == pytest.approx(0.36, rel=0.03)
 
 
 def test_a_part_of_a_region_shows_a_part_of_the_tag() -> None:
@@ -61,8 +61,8 @@ def test_a_part_of_a_region_shows_a_part_of_the_tag() -> None:
     left, top, right, bottom = whole
     part = Region(left + 10, top + 8, right - 9, bottom - 7)
     expected = drawn(TAG, whole).gray[8:-7, 10:-9]
-    seen = drawn(TAG, part).gray
-    np.testing.assert_allclose(seen[3:-3, 3:-3], expected[3:-3, 3:-3], atol=1e-3)
+    drawing = drawn(TAG, part).gray
+    np.testing.assert_allclose(drawing[3:-3, 3:-3], expected[3:-3, 3:-3], atol=1e-3)
 
 
 def test_where_the_lens_shows_nothing_there_is_no_paper() -> None:
