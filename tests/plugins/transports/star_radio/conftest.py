@@ -28,9 +28,9 @@ UNSERVED = "udp://127.0.0.1:9"  # the port `discard`, which has no server
 TICK = 0.05  # s
 
 
-def options(**given: Any) -> dict[str, Any]:
+def options(**changes: Any) -> dict[str, Any]:
     """Options of the transport, with the defaults of the schema."""
-    return fill_defaults({"guardian": False, "descent": False} | given, OPTIONS)
+    return fill_defaults({"guardian": False, "descent": False} | changes, OPTIONS)
 
 
 def reached(uris: list[str], rate: float = 20.0) -> Scene:
@@ -125,14 +125,14 @@ def make(tmp_path: Path, stack: ExitStack) -> Open:
     """Make a radio to some addresses; it is closed at the end."""
 
     def make(uris: list[str], *, reports_in_map: bool = False, **how: Any) -> Radio:
-        given: dict[str, Any] = {
+        settings: dict[str, Any] = {
             "cache": str(tmp_path),
             "response_timeout": 0.6,
             "landing_timeout": 1.0,  # s, for peers that stay in the air
             **how,
         }
         room = dataclasses.replace(reached(uris), reports_in_map=reports_in_map)
-        radio = star_radio.make(room, **options(**given))
+        radio = star_radio.make(room, **options(**settings))
         assert isinstance(radio, Radio)
         stack.callback(radio.close)
         return radio

@@ -193,7 +193,7 @@ class Peer:
         """Append what fits, as the firmware does; return an error number."""
         held = self._blocks.setdefault(block, [])
         for kind, number in struct.iter_unpack("<BH", variables):
-            if sum(struct.calcsize(LOG_TYPES[one]) for one, _number in [*held, (kind, 0)]) > 26:
+            if sum(struct.calcsize(LOG_TYPES[code]) for code, _number in [*held, (kind, 0)]) > 26:
                 return 7
             held.append((kind, number))
         return 0

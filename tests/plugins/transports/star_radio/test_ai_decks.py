@@ -33,16 +33,16 @@ def test_images_are_gathered_by_row_and_time() -> None:
         decks = AiDecks(room, {"cf1": hosts[0], "cf3": hosts[1]}, latency=0.1)
         stack.callback(decks.close)
         began = time.monotonic()
-        found: list[Frames] = []
+        batches: list[Frames] = []
         end = began + 5
-        while len({int(row) for frames in found for row in frames.agent}) < 2:
+        while len({int(row) for frames in batches for row in frames.agent}) < 2:
             assert time.monotonic() < end
             for shade, server in enumerate(servers):
                 server.publish(np.full(SHAPE, shade, np.uint8), 0.0)
             time.sleep(0.05)
             if len((frames := decks.frames(began)).agent):
-                found.append(frames)
-    for frames in found:
+                batches.append(frames)
+    for frames in batches:
         shades = [int(image[0, 0]) for image in frames.image]
         assert frames.agent.tolist() == [2 * shade for shade in shades]
         assert (np.diff(frames.arrived) >= 0).all()

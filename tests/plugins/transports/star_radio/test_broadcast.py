@@ -60,14 +60,14 @@ Dongles: TypeAlias = list[Dongle]
 
 @pytest.fixture
 def dongles(monkeypatch: pytest.MonkeyPatch) -> Dongles:
-    found = [Dongle(), Dongle()]
+    devices = [Dongle(), Dongle()]
     core, util, package = ModuleType("usb.core"), ModuleType("usb.util"), ModuleType("libusb")
-    vars(core)["find"] = lambda **_what: found
+    vars(core)["find"] = lambda **_what: devices
     vars(util)["dispose_resources"] = lambda _device: None
     vars(package)["get_libusb1_backend"] = lambda: None
     for name, module in (("usb.core", core), ("usb.util", util), ("libusb_package", package)):
         monkeypatch.setitem(sys.modules, name, module)
-    return found
+    return devices
 
 
 @pytest.fixture
@@ -162,9 +162,9 @@ def test_two_poses_go_into_one_packet(dongles: Dongles, broadcaster: Broadcaster
     broadcaster.close()
     first, second = dongles[1].sent[REPEATS:]
     assert first[0] & 0xF3 == 6 << 4 | 1
-    one = struct.pack("<BhhhI", 1, 1000, 2000, 3000, 0xC0000000)
-    assert first[1:] == b"\x09" + one + b"\2" + one[1:]
-    assert second[1:] == b"\x09\3" + one[1:]
+    entry = struct.pack("<BhhhI", 1, 1000, 2000, 3000, 0xC0000000)
+    assert first[1:] == b"\x09" + entry + b"\2" + entry[1:]
+    assert second[1:] == b"\x09\3" + entry[1:]
 
 
 def test_four_positions_go_into_one_packet(dongles: Dongles) -> None:

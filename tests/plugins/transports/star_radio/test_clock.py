@@ -69,7 +69,9 @@ def altered(*stamps: int) -> tuple[Clock, list[float]]:
     clock.time(5000, 50.0)
     every = [*stamps, *range(5010 + 10 * len(stamps), 5100, 10)]
     arrivals = [50.01 + 0.01 * i for i in range(len(every))]
-    return clock, [clock.time(*one) - one[1] for one in zip(every, arrivals, strict=True)]
+    return clock, [
+        clock.time(*reading) - reading[1] for reading in zip(every, arrivals, strict=True)
+    ]
 
 
 @pytest.mark.parametrize("stamps", [(20,), (200_000,), (WRAP // 2 + 5000,), (20, 200_000, 3000)])

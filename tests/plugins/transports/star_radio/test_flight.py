@@ -161,13 +161,15 @@ def test_setpoints_go_to_the_active_rows_only(peers: Peers, connect: Open) -> No
     drones = peers(2)
     radio = connect(drones)
     radio.receive()
-    wanted = Setpoint(np.array([[0.1, 0.2, 0.3], [1, 1, 1]]), np.zeros(2), np.array([True, False]))
-    sent = radio.send(wanted)
+    setpoint = Setpoint(
+        np.array([[0.1, 0.2, 0.3], [1, 1, 1]]), np.zeros(2), np.array([True, False])
+    )
+    sent = radio.send(setpoint)
     assert drones[0].until(lambda: bool(drones[0].sent_to(7, 0)))
     assert np.allclose(velocity_of(drones[0].sent_to(7, 0)[0]), (0.1, 0.2, 0.3, 0))
     assert drones[1].sent_to(7, 0) == []
     assert sent.active.tolist() == [True, False]
-    assert (sent.velocity == wanted.velocity).all()
+    assert (sent.velocity == setpoint.velocity).all()
 
 
 @pytest.mark.parametrize(("yaw", "rate"), [(0.1, 0.3), (-0.1, -0.3), (3.0, 2.0), (-3.0, -2.0)])
@@ -340,7 +342,7 @@ def test_the_watchdog_is_fed(drone: Peer, connect: Open) -> None:
     assert drone.sent_to(9, 1)[:2] == [b"\4", b"\4"]
 
 
-def seen(position: float, attitude: float) -> Corrections:
+def corrections(position: float, attitude: float) -> Corrections:
     return Corrections(
         agent=np.zeros(1, np.int64),
         position=np.array([[1.0, 2.0, 3.0]]),
@@ -352,7 +354,7 @@ def seen(position: float, attitude: float) -> Corrections:
 
 def test_corrections_follow_their_standard_deviations(drone: Peer, radio: Radio) -> None:
     before = len(drone.got)
-    radio.correct(seen(0.05, 0.1))
+    radio.correct(corrections(0.05, 0.1))
     assert drone.until(lambda: bool(drone.sent_to(6, 1)))
     assert [packet[0] for packet in drone.got[before:]] == [0x22, 0x22, 0x61]
     assert drone.stored["locSrv.extPosStdDev"] == struct.pack("<f", 0.05)
@@ -362,7 +364,7 @@ def test_corrections_follow_their_standard_deviations(drone: Peer, radio: Radio)
 
 def test_a_position_alone_is_reported_without_an_attitude(drone: Peer, radio: Radio) -> None:
     before = len(drone.got)
-    radio.correct(seen(0.05, math.inf))
+    radio.correct(corrections(0.05, math.inf))
     assert drone.until(lambda: bool(drone.sent_to(6, 0)))
     assert [packet[0] for packet in drone.got[before:]] == [0x22, 0x60]
     assert drone.stored["locSrv.extQuatStdDev"] == struct.pack("<f", 4.5e-3)
@@ -372,7 +374,7 @@ def test_a_position_alone_is_reported_without_an_attitude(drone: Peer, radio: Ra
 def test_deviations_are_sent_when_they_change(drone: Peer, radio: Radio) -> None:
     before = len(drone.sent_to(2, 2))
     for deviation in (0.05, 0.052, 0.0548, 0.06):
-        radio.correct(seen(deviation, 0.1))
+        radio.correct(corrections(deviation, 0.1))
     assert drone.until(lambda: len(drone.sent_to(6, 1)) == 4)
     assert len(drone.sent_to(2, 2)) - before == 3  # two at first, one change beyond 10 %
 
@@ -381,13 +383,13 @@ def test_deviations_are_sent_when_they_change(drone: Peer, radio: Radio) -> None
 def test_a_deviation_that_was_given_up_is_reported_anew(drone: Peer, radio: Radio) -> None:
     drone.lose[b"\x22\1\0"] = 10
     before = len(drone.sent_to(2, 2))
-    radio.correct(seen(0.05, 0.1))
+    radio.correct(corrections(0.05, 0.1))
     ticks(radio, 14)
     assert len(drone.sent_to(2, 2)) - before == 11
-    radio.correct(seen(0.05, 0.1))
+    radio.correct(corrections(0.05, 0.1))
     assert drone.until(lambda: len(drone.sent_to(2, 2)) - before == 12)
     ticks(radio, 2)
-    radio.correct(seen(0.05, 0.1))
+    radio.correct(corrections(0.05, 0.1))
     ticks(radio, 2)
     assert len(drone.sent_to(2, 2)) - before == 12
 
@@ -398,7 +400,7 @@ def test_deviations_given_up_repeatedly_are_reported_once(
 ) -> None:
     drone.lose[b"\x22\1\0"] = 21
     for _ in range(3):
-        radio.correct(seen(0.05, 0.1))
+        radio.correct(corrections(0.05, 0.1))
         ticks(radio, 13)
     said = "radio: cf1 does not confirm parameter 'locSrv.extPosStdDev'"
     assert caplog.messages == [said]
@@ -408,7 +410,7 @@ def test_deviations_given_up_repeatedly_are_reported_once(
 def test_firmware_that_cannot_receive_deviations_is_named(peers: Peers, connect: Open) -> None:
     radio = connect(peers(lacks=("locSrv.extPosStdDev",)))
     with pytest.raises(PluginError, match=r"cf1: its firmware has no parameter 'locSrv.extPosStdD"):
-        radio.correct(seen(0.1, 0.1))
+        radio.correct(corrections(0.1, 0.1))
 
 
 def test_reports_that_are_none_are_passed_over(drone: Peer, radio: Radio) -> None:

@@ -124,7 +124,7 @@ def test_what_a_group_has_in_common_is_broadcast_once(
 ) -> None:
     air = Air()
     made = broadcasts(aired(4, groups), air)
-    reached = made.order({i: one for i, one in enumerate(packets) if one})
+    reached = made.order({i: order for i, order in enumerate(packets) if order})
     assert [packet.hex() for packet, _rows in air.said] == said
     assert reached == {row: packet for packet, rows in air.said for row in rows}
 
@@ -154,7 +154,7 @@ def test_every_drone_gets_its_own_packet_once(
         ]
         assert obeyed == ([reached[row]] if row in reached else [])
         by_link = [] if packet is None or row in reached else [packet]
-        got = by_link + [orders.only_for(orders.ALL_GROUPS, one) for one in obeyed]
+        got = by_link + [orders.only_for(orders.ALL_GROUPS, order) for order in obeyed]
         assert got == ([] if packet is None else [packet])
     assert {row for _said, rows in air.said for row in rows} == reached.keys()
 
@@ -184,8 +184,8 @@ def aloud(tmp_path: Path, stack: ExitStack) -> Open:
         made = broadcasts(aired(len(uris), groups), air)
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr("star_radio.transport.BroadcastCommands", lambda *_how: made)
-            given = options(cache=str(tmp_path), response_timeout=0.6, broadcast=1, **how)
-            radio = Radio(room, RadioOptions(**given))
+            settings = options(cache=str(tmp_path), response_timeout=0.6, broadcast=1, **how)
+            radio = Radio(room, RadioOptions(**settings))
         stack.callback(radio.close)
         air.clock = clock
         air.hearers = [vehicle.link.post for vehicle in radio.vehicles]

@@ -20,7 +20,7 @@ def repeated(
     *,
     height: tuple[float, float] = (0.5, 0.5),
     state: int = PLANNED,
-    seen: bool = True,
+    is_reporting: bool = True,
     confirmed: float | None = 0.0,
     seconds: float = 4.0,
     steered: bool = True,
@@ -31,29 +31,29 @@ def repeated(
         order: To give.
         height: That the drone reports at 0 s and, changing evenly, 1 s later, m.
         state: That it reports.
-        seen: Whether it reports.
+        is_reporting: Whether it reports.
         confirmed: When the order is confirmed, s.
         seconds: For how long to look.
         steered: Whether setpoints flew it before.
     """
     handover = Handover(order, "do", 0.0, steered=steered, setpoint_at=-MAX_SETPOINT_DELAY)
     assert handover.repeat(0.0, None) is Repeat.ORDER
-    found: list[tuple[float, Repeat]] = []
+    repeats: list[tuple[float, Repeat]] = []
     for tick in range(1, round(seconds / PERIOD)):
         now = tick * PERIOD
         if confirmed is not None and now >= confirmed:
             handover.confirmed = confirmed
         at = height[0] + (height[1] - height[0]) * now
-        what = handover.repeat(now, Report(now - 0.01, at, state) if seen else None)
+        what = handover.repeat(now, Report(now - 0.01, at, state) if is_reporting else None)
         if what is Repeat.ORDER and handover.confirmed is not None:
             handover.notified(now)
         if what is not Repeat.NOTHING:
-            found.append((round(now, 2), what))
-    return found
+            repeats.append((round(now, 2), what))
+    return repeats
 
 
-def last(found: list[tuple[float, Repeat]]) -> float:
-    return found[-1][0] if found else 0.0
+def last(repeats: list[tuple[float, Repeat]]) -> float:
+    return repeats[-1][0] if repeats else 0.0
 
 
 def test_an_order_is_held_back_until_its_time() -> None:
@@ -63,20 +63,20 @@ def test_an_order_is_held_back_until_its_time() -> None:
 
 
 def test_a_landing_is_repeated_for_half_a_second() -> None:
-    found = repeated(LAND, height=(0.5, 0.2))
-    assert {what for _when, what in found} == {Repeat.ORDER}
-    assert 0.4 <= last(found) <= 0.5
+    repeats = repeated(LAND, height=(0.5, 0.2))
+    assert {what for _when, what in repeats} == {Repeat.ORDER}
+    assert 0.4 <= last(repeats) <= 0.5
 
 
 def test_landings_without_descent_repeat_until_the_watchdog_acts() -> None:
-    found = repeated(LAND)
-    assert 1.9 <= last(found) <= 2.0
-    assert len(found) > 15
+    repeats = repeated(LAND)
+    assert 1.9 <= last(repeats) <= 2.0
+    assert len(repeats) > 15
 
 
 def test_late_descents_end_the_repetition_of_a_landing() -> None:
-    found = repeated(LAND, height=(0.5, 0.4 - 1e-6))
-    assert last(found) == pytest.approx(1.0, abs=0.1)
+    repeats = repeated(LAND, height=(0.5, 0.4 - 1e-6))
+    assert last(repeats) == pytest.approx(1.0, abs=0.1)
 
 
 @pytest.mark.parametrize(
@@ -92,29 +92,29 @@ def test_a_drone_that_is_down_is_not_landed_again(
 
 
 def test_unseen_unsteered_drones_are_not_landed_again() -> None:
-    assert last(repeated(LAND, seen=False, confirmed=None, steered=False)) <= 1.3
+    assert last(repeated(LAND, is_reporting=False, confirmed=None, steered=False)) <= 1.3
 
 
 def test_unseen_landings_repeat_until_the_watchdog_acts() -> None:
-    assert 1.7 <= last(repeated(LAND, seen=False, confirmed=None)) <= 2.0
+    assert 1.7 <= last(repeated(LAND, is_reporting=False, confirmed=None)) <= 2.0
 
 
 def test_unconfirmed_landings_of_visible_drones_are_repeated() -> None:
     assert last(repeated(LAND, confirmed=None)) > 3.8
 
 
-@pytest.mark.parametrize("seen", [True, False])
-def test_stops_repeat_until_half_a_second_after_confirmation(*, seen: bool) -> None:
-    found = repeated(STOP, seen=seen, confirmed=1.0)
-    assert {what for _when, what in found} == {Repeat.ORDER}
-    assert 1.4 <= last(found) <= 1.5
+@pytest.mark.parametrize("is_reporting", [True, False])
+def test_stops_repeat_until_half_a_second_after_confirmation(*, is_reporting: bool) -> None:
+    repeats = repeated(STOP, is_reporting=is_reporting, confirmed=1.0)
+    assert {what for _when, what in repeats} == {Repeat.ORDER}
+    assert 1.4 <= last(repeats) <= 1.5
 
 
 @pytest.mark.parametrize("order", [TAKEOFF, GOTO])
 def test_of_other_orders_the_notification_alone_is_repeated(order: bytes) -> None:
-    found = repeated(order)
-    assert {what for _when, what in found} == {Repeat.NOTIFICATION}
-    assert last(found) <= 0.5
+    repeats = repeated(order)
+    assert {what for _when, what in repeats} == {Repeat.NOTIFICATION}
+    assert last(repeats) <= 0.5
 
 
 def test_an_order_that_a_late_setpoint_cancelled_is_given_again() -> None:

@@ -29,13 +29,13 @@ def loaded(mission: str, words: str) -> Mission:
 
 @pytest.mark.parametrize(("mission", "words"), RUNS, ids=[mission for mission, _ in RUNS])
 def test_a_rehearsal_flies_every_agent_over_a_link_of_its_own(mission: str, words: str) -> None:
-    found = loaded(mission, words)
-    assert found.plugins["transport"].use == "radio"
-    uris = {agent.uri for agent in found.scene.agents}
-    assert len(uris) == len(found.scene.agents) == 3
+    rehearsal = loaded(mission, words)
+    assert rehearsal.plugins["transport"].use == "radio"
+    uris = {agent.uri for agent in rehearsal.scene.agents}
+    assert len(uris) == len(rehearsal.scene.agents) == 3
     assert None not in uris
-    seen = {agent.name for agent in found.scene.agents if agent.camera}
-    assert seen == set(found.plugins["transport"].options.get("cameras", {}))
+    names = {agent.name for agent in rehearsal.scene.agents if agent.camera}
+    assert names == set(rehearsal.plugins["transport"].options.get("cameras", {}))
 
 
 def test_both_rehearsals_are_there() -> None:

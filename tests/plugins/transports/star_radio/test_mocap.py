@@ -77,7 +77,7 @@ def bodies(kind: str, **system: Any) -> TrueBodies:
     return TrueBodies(reached(URIS), {"source": source, **system})
 
 
-def seen(capture: TrueBodies, began: float = 0.0) -> Truth:
+def moving_truth(capture: TrueBodies, began: float = 0.0) -> Truth:
     """Return the truth once it has a velocity: from two frames, of which the newest is not old."""
 
     def moving() -> Truth | None:
@@ -101,7 +101,7 @@ def test_bodies_are_the_truth() -> None:
     capture = bodies("optitrack", bodies=names)
     with closing(capture):
         assert eventually(lambda: len(capture._system.recent()) > 20)
-        truth = seen(capture, began)
+        truth = moving_truth(capture, began)
     assert truth.time > 0.1
     assert np.allclose(truth.position[:, 1:], [[2, 3], [0, 1]])
     assert np.allclose(truth.velocity, [[1, 0, 0], [0, 0, 0]], atol=0.3)
@@ -119,7 +119,7 @@ def test_an_old_frame_is_not_the_truth(caplog: pytest.LogCaptureFixture) -> None
 @pytest.mark.usefixtures("package")
 def test_a_body_that_is_not_seen_is_not_a_number() -> None:
     with closing(bodies("optitrack")) as capture:
-        truth = seen(capture)
+        truth = moving_truth(capture)
     assert np.isnan(truth.position).tolist() == [[False] * 3, [True] * 3]
 
 

@@ -16,7 +16,7 @@ from tests.plugins.transports.star_radio.conftest import options as defaults
 from tests.plugins.transports.star_radio.conftest import reached
 
 
-def found(uris: list[str | None], **options: Any) -> list[str]:
+def errors(uris: list[str | None], **options: Any) -> list[str]:
     """Return the errors of agents with these addresses."""
     room = scene(len(uris))
     agents = (
@@ -55,7 +55,7 @@ def test_addresses_of_no_link_are_refused(uri: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("one", "other"),
+    ("uri", "other"),
     [
         ("radio://0/80/2M/e7e7e7e701", "radio://0/80/2M/E7E7E7E701"),
         ("radio://0/80/2M/E7E7E7E701", "radio://0/80/2M/E7E7E7E701?rate_limit=100"),
@@ -67,9 +67,9 @@ def test_addresses_of_no_link_are_refused(uri: str) -> None:
         ("usb://0", "usb://00"),
     ],
 )
-def test_agents_that_are_one_drone_are_named(one: str, other: str) -> None:
-    assert found([one, other]) == [
-        f"agents 'cf1' and 'cf2' are the same drone: {one!r} and {other!r}"
+def test_agents_that_are_one_drone_are_named(uri: str, other: str) -> None:
+    assert errors([uri, other]) == [
+        f"agents 'cf1' and 'cf2' are the same drone: {uri!r} and {other!r}"
     ]
 
 
@@ -86,13 +86,13 @@ def test_agents_that_are_one_drone_are_named(one: str, other: str) -> None:
     ],
 )
 def test_agents_that_cannot_be_reached_are_named(uris: list[str | None], told: str) -> None:
-    [problem] = found(uris)
+    [problem] = errors(uris)
     assert problem.startswith(told)
 
 
 @pytest.mark.parametrize("other", ["81/2M/E7E7E7E701", "80/1M/E7E7E7E701", "80/2M/E7E7E7E702"])
 def test_agents_that_differ_in_channel_rate_or_address_are_two(other: str) -> None:
-    assert found(["radio://0/80/2M/E7E7E7E701", f"radio://0/{other}"]) == []
+    assert errors(["radio://0/80/2M/E7E7E7E701", f"radio://0/{other}"]) == []
 
 
 @pytest.mark.parametrize(
@@ -114,7 +114,7 @@ def test_a_mode_that_cflib_does_not_have_is_refused(
 ) -> None:
     monkeypatch.setattr("importlib.metadata.version", lambda _package: version)
     problems = star_radio.check(reached([uri]), **defaults(mode="inline"))
-    assert [(p.path, p.message) for p in problems] == [(("mode",), one) for one in told]
+    assert [(p.path, p.message) for p in problems] == [(("mode",), message) for message in told]
 
 
 USB = ["usb://0", "usb://1", "usb://2"]
@@ -168,7 +168,7 @@ def test_packages_that_are_not_installed_are_named(monkeypatch: pytest.MonkeyPat
 
     monkeypatch.setattr("importlib.util.find_spec", find)
     system = {"source": {"motioncapture": {"type": "vicon", "host": "h"}}}
-    assert found(["usb://0"], mocap=system) == [
+    assert errors(["usb://0"], mocap=system) == [
         "it needs the package 'cflib': pip install 'star-swarm[radio]'",
         "it needs the package 'motioncapture': pip install motioncapture",
     ]

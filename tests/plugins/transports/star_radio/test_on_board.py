@@ -52,15 +52,15 @@ def begins(drone: Any) -> list[bytes]:
 def test_trajectories_share_the_memory_of_every_drone(peers: Peers, connect: Open) -> None:
     drones = peers(2)
     radio = connect(drones)
-    one, other = trajectory(3), trajectory(2, seed=1)
-    radio.upload((one, other))
+    first, second = trajectory(3), trajectory(2, seed=1)
+    radio.upload((first, second))
     for drone in drones:
         assert drone.ordered == [
             orders.define_trajectory(0, 3, 0)[1:], orders.define_trajectory(1, 2, 3 * 132)[1:],
         ]  # fmt: skip
         numbers = np.frombuffer(drone.memory[: 5 * 132], "<f4").reshape(5, 33)
-        assert numbers[:3, 32] == pytest.approx(one.duration)
-        assert numbers[3:, :32] == pytest.approx(other.coefficients.reshape(2, 32))
+        assert numbers[:3, 32] == pytest.approx(first.duration)
+        assert numbers[3:, :32] == pytest.approx(second.coefficients.reshape(2, 32))
 
 
 def test_it_is_turned_into_the_odometry_frame_of_each_drone(drone: Peer, make: Open) -> None:
@@ -115,11 +115,11 @@ def test_no_trajectory_is_uploaded_to_an_absent_agent(drone: Peer, make: Open) -
 
 
 def test_it_begins_where_the_drone_is_and_takes_the_given_time(drone: Peer, radio: Radio) -> None:
-    one, other = trajectory(3), trajectory(2, seed=1)
-    radio.upload((one, other))
+    first, second = trajectory(3), trajectory(2, seed=1)
+    radio.upload((first, second))
     before = len(drone.got)
     radio.send(Setpoint(np.zeros((1, 3)), np.zeros(1), np.ones(1, np.bool_)))
-    radio.command(told(other, seconds=3.0 * float(other.duration.sum())))
+    radio.command(told(second, seconds=3.0 * float(second.duration.sum())))
     ticks(radio, 5)
     assert drone.until(lambda: bool(begins(drone)))
     assert [packet[0] for packet in drone.got[before : before + 3]] == [0x70, 0x80, 0x71]
@@ -275,10 +275,10 @@ def test_drones_fly_it_in_the_map_and_land_in_the_middle(
     track = fly_hook(tmp_path, interrupt)
     assert track.flight.summary["outcome"] == "aborted"
     assert track.flight.summary["reason"] == "interrupted by the operator"
-    there = track[SET_OUT]
-    assert (there[:, 0] > 0.1).all()  # the first one looks along x, the other one along y
-    assert there[:, 1:] == pytest.approx(np.tile([0.0, 0.4], (2, 1)), abs=0.08)
-    assert track[-1][:, 0] == pytest.approx(there[:, 0], abs=0.2)
+    positions = track[SET_OUT]
+    assert (positions[:, 0] > 0.1).all()  # the first one looks along x, the other one along y
+    assert positions[:, 1:] == pytest.approx(np.tile([0.0, 0.4], (2, 1)), abs=0.08)
+    assert track[-1][:, 0] == pytest.approx(positions[:, 0], abs=0.2)
     assert (track[-1][:, 2] == 0.0).all()
 
 

@@ -58,7 +58,7 @@ def findings(
     **differs: Any,
 ) -> dict[str, Finding]:
     """What is found of a drone that differs from a fit one, by check."""
-    found = preflight.readiness(
+    checks = preflight.readiness(
         AGENT,
         dataclasses.replace(FIT, **differs),
         camera=False,
@@ -67,7 +67,7 @@ def findings(
         needs_map=needs_map,
         flow_deck=flow_deck,
     )
-    return {finding.check: finding for finding in found}
+    return {finding.check: finding for finding in checks}
 
 
 @pytest.mark.parametrize(
@@ -80,14 +80,14 @@ def findings(
     ],
 )
 def test_starts_are_compared_as_the_deck_can(deck: str, x: float, severity: Severity) -> None:
-    found = findings(position=(x, 0.0, 0.0), yaw=math.pi, stations={deck: 3})
-    assert found["start"].severity == severity
+    checks = findings(position=(x, 0.0, 0.0), yaw=math.pi, stations={deck: 3})
+    assert checks["start"].severity == severity
 
 
 @pytest.mark.parametrize(("needs_map", "severity"), [(False, "warning"), (True, "error")])
 def test_missing_stations_are_errors_if_they_locate(*, needs_map: bool, severity: str) -> None:
-    found = findings(needs_map=needs_map, equipment=LIGHTHOUSE, stations={"Lighthouse4": 0})
-    assert found["positioning"].severity == severity
+    checks = findings(needs_map=needs_map, equipment=LIGHTHOUSE, stations={"Lighthouse4": 0})
+    assert checks["positioning"].severity == severity
 
 
 @pytest.mark.parametrize("needs_map", [False, True])
@@ -97,10 +97,10 @@ def test_flow_decks_unlike_in_the_mission_are_named(
     *, needs_map: bool, attached: bool, expected: bool
 ) -> None:
     equipment = Equipment(("Lighthouse4", *["Flow2"] * attached), self_test=True)
-    found = findings(needs_map=needs_map, flow_deck=expected, equipment=equipment)["decks"]
+    decks = findings(needs_map=needs_map, flow_deck=expected, equipment=equipment)["decks"]
     differs = needs_map and attached != expected
-    assert found.severity == (Severity.WARNING if differs else Severity.OK)
-    assert (f"flow_deck: {str(attached).lower()}" in found.remedy) == differs
+    assert decks.severity == (Severity.WARNING if differs else Severity.OK)
+    assert (f"flow_deck: {str(attached).lower()}" in decks.remedy) == differs
 
 
 @pytest.mark.extended
@@ -161,9 +161,9 @@ def test_a_marker_measures_the_start_without_a_heading() -> None:
     x, y, z = AGENT.start
     near = _by_markers(room, np.array([[x + 5, y, z], [x + 0.1, y, z]]))
     assert near.keys() == {0, 1}
-    found = findings(near[0])["start"]
-    assert found.severity == Severity.OK
-    assert found.text.startswith("0.10 m from [")
+    start = findings(near[0])["start"]
+    assert start.severity == Severity.OK
+    assert start.text.startswith("0.10 m from [")
     assert findings(near[0]._replace(position=(x + 0.2, y, z)))["start"].severity == "error"
     assert _by_markers(room, np.array([[x + 0.4, y, z]])) == {}
     assert _by_markers(room, np.zeros((0, 3))) == {}

@@ -140,12 +140,12 @@ def test_an_agent_that_was_not_flown_for_a_tick_begins_anew(states: Flown) -> No
 
 @pytest.mark.parametrize("lost", [[math.nan] * 3, [33.0, 0, 0], [1e6, 0, 0]])
 def test_unencodable_positions_are_flown_by_velocity(states: Flown, lost: list[float]) -> None:
-    wanted = setpoint([0.3, 0, 0])
-    states.tick(wanted, at([1, 2, 0.8]))
-    packets = states.tick(wanted, at(lost))
-    assert packets == Velocities(1, 0.05).packets(wanted, at(lost), [12])
+    command = setpoint([0.3, 0, 0])
+    states.tick(command, at([1, 2, 0.8]))
+    packets = states.tick(command, at(lost))
+    assert packets == Velocities(1, 0.05).packets(command, at(lost), [12])
     assert packets == {0: orders.velocity([0.3, 0, 0], 0.0, 12)}
-    assert told(states.tick(wanted, at([1, 2, 0.8]))[0])[0] == [1, 2, 0.8]
+    assert told(states.tick(command, at([1, 2, 0.8]))[0])[0] == [1, 2, 0.8]
 
 
 def test_a_mission_has_drones_flown_so(drone: Peer, make: Open) -> None:
@@ -185,8 +185,8 @@ def test_states_of_trajectories_are_ahead_with_their_acceleration(states: Flown)
 
 def test_velocities_of_trajectories_make_up_for_the_lag() -> None:
     velocities = Velocities(1, TICK)
-    wanted = along([0.5, 0, 0], [1.5, 0, 0], 1.02)
-    packet = velocities.packets(wanted, at([1, 2, 0.8]), [12])[0]
+    command = along([0.5, 0, 0], [1.5, 0, 0], 1.02)
+    packet = velocities.packets(command, at([1, 2, 0.8]), [12])[0]
     kind, vx, vy, _, rate = struct.unpack("<Bffff", packet[1:])
     assert (kind, vy) == (VELOCITY, 0.0)
     assert vx == pytest.approx(0.5 + 1.5 * (0.04 + TICK / 2 + 1 / 4.574), abs=1e-3)

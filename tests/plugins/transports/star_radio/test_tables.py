@@ -47,8 +47,8 @@ EXPECTED: Table = {"pm.vbat": Entry(0, 7), "stateEstimate.x": Entry(1, 7)}
 def test_one_of_many_drones_is_read(tmp_path: Path) -> None:
     tables, drones = Tables(tmp_path), [Drone() for _ in range(8)]
     with ThreadPoolExecutor(8) as pool:
-        found = list(pool.map(lambda drone: tables.of(LOG, drone.ask), drones))
-    assert found == [EXPECTED] * 8
+        contents = list(pool.map(lambda drone: tables.of(LOG, drone.ask), drones))
+    assert contents == [EXPECTED] * 8
     assert sorted(drone.asked for drone in drones) == [1] * 7 + [3]
 
 
@@ -69,8 +69,8 @@ def test_another_drone_is_read_when_one_dies_at_it(tmp_path: Path) -> None:
 
 
 def test_other_firmware_has_a_table_of_its_own(tmp_path: Path) -> None:
-    tables, one, other = Tables(tmp_path), Drone(), Drone(checksum=8)
-    tables.of(LOG, one.ask)
+    tables, drone, other = Tables(tmp_path), Drone(), Drone(checksum=8)
+    tables.of(LOG, drone.ask)
     tables.of(LOG, other.ask)
     assert other.asked == 3
     assert sorted(path.name for path in tmp_path.iterdir()) == [
