@@ -99,8 +99,8 @@ class Flight:
         active = np.isin(np.arange(self.n), np.arange(self.n) if rows is None else rows)
         for _ in range(round(seconds / self.period)):
             if velocity is not None:
-                wanted = np.broadcast_to(np.asarray(velocity, float), (self.n, 3))
-                self.simulator.send(Setpoint(wanted, np.full(self.n, yaw), active))
+                velocities = np.broadcast_to(np.asarray(velocity, float), (self.n, 3))
+                self.simulator.send(Setpoint(velocities, np.full(self.n, yaw), active))
             self.ticks += 1
             self.simulator.wait(self.ticks * self.period)
             self.telemetry = self.simulator.receive()

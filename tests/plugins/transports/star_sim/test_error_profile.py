@@ -62,8 +62,8 @@ def test_slow_errors_have_the_deviations_of_the_profile() -> None:
     assert errors.std(axis=(0, 1)) == pytest.approx(expected, rel=0.2)
     for column, time in ((0, 30.0), (2, 30.0), (5, 10.0)):
         lag = round(time / CYCLE)
-        one, other = errors[:-lag, :, column], errors[lag:, :, column]
-        assert (one * other).mean() / errors[:, :, column].var() == pytest.approx(0.37, abs=0.2)
+        earlier, later = errors[:-lag, :, column], errors[lag:, :, column]
+        assert (earlier * later).mean() / errors[:, :, column].var() == pytest.approx(0.37, abs=0.2)
 
 
 def test_noise_of_the_imu_is_white() -> None:
@@ -151,9 +151,9 @@ def test_reports_are_late_and_lost() -> None:
     ages = np.array([heard.age for heard in table])
     assert ages.min() == pytest.approx(0.02, abs=1e-6)
     assert (ages > 0.025).mean() == pytest.approx(0.3, abs=0.07)
-    heard = sum(len(one.odometry.agent) for one in table)
+    heard = sum(len(report.odometry.agent) for report in table)
     assert heard / 4000 == pytest.approx(0.7, abs=0.03)
-    times = np.concatenate([one.odometry.time for one in table if len(one.odometry.time)])
+    times = np.concatenate([report.odometry.time for report in table if len(report.odometry.time)])
     assert times.max() <= table[-1].time - 0.02 + 1e-6
 
 
@@ -173,9 +173,9 @@ def test_a_late_report_is_of_the_time_that_its_age_names() -> None:
 def test_setpoints_and_commands_take_effect_late_and_in_order() -> None:
     slow = replace(EXACT, setpoint_delay=0.06)
     flight, prompt = Flight(noise=True, profile=slow), Flight(noise=True, profile=EXACT)
-    for one in (flight, prompt):
-        one.rise()
-        one.fly(0.5, (0.5, 0.0, 0.0))
+    for drone in (flight, prompt):
+        drone.rise()
+        drone.fly(0.5, (0.5, 0.0, 0.0))
     delay = (prompt.position - flight.position)[0, 0] / prompt.telemetry.velocity[0, 0]
     assert delay == pytest.approx(0.06, abs=0.04)
     flight.fly(0.05, (0.5, 0.0, 0.0))

@@ -224,7 +224,7 @@ def test_when_a_drone_comes_down_by_itself_is_announced() -> None:
     flight = Flight()
     flight.order(Order.TAKEOFF, (0, 0, 0.8))
     heights, announced = zip(
-        *((one.position[0, 2], one.lands_by[0]) for one in flight.fly(12.0)), strict=True
+        *((report.position[0, 2], report.lands_by[0]) for report in flight.fly(12.0)), strict=True
     )
     down = flight.period * np.flatnonzero(np.array(heights) > 0.02)[-1]
     assert down <= announced[-1] <= down + 1.5

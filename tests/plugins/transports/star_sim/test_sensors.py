@@ -33,12 +33,12 @@ def shown(
     )
 
 
-def one() -> Drones:
+def lone_drone() -> Drones:
     return standing(np.zeros((1, 3)), np.zeros(1), 1.0)
 
 
 def test_the_flow_sensor_shows_whole_counts() -> None:
-    counts = shown(one()) / COUNT
+    counts = shown(lone_drone()) / COUNT
     assert np.abs(counts - np.round(counts)).max() < 1e-9
     assert set(np.round(counts[:, 0])) == {0.0, 1.0}
 
@@ -49,11 +49,13 @@ def test_the_flow_sensor_shows_whole_counts() -> None:
 def test_fractions_of_counts_tilt_and_texture_are_in_the_mean(
     options: dict[str, Any], ahead: float
 ) -> None:
-    assert shown(one(), **options).mean(axis=0) == pytest.approx([ahead, 0.0], abs=COUNT / 1000)
+    assert shown(lone_drone(), **options).mean(axis=0) == pytest.approx(
+        [ahead, 0.0], abs=COUNT / 1000
+    )
 
 
 def test_scale_misalignment_and_bias_show() -> None:
-    drones = one()
+    drones = lone_drone()
     drones["scale"] = 0.1
     drones["misalignment"] = [math.cos(0.3), math.sin(0.3)]
     drones["velocity_bias"] = [0.01, -0.02]
@@ -62,7 +64,7 @@ def test_scale_misalignment_and_bias_show() -> None:
 
 
 def test_a_flow_beyond_the_sensors_range_is_cut() -> None:
-    drones = one()
+    drones = lone_drone()
     drones["scale"] = 1000.0
     assert shown(drones, cycles=1)[0, 0] == pytest.approx(sensors.OUTLIER * COUNT)
 

@@ -24,9 +24,9 @@ def flown(n: int = 1, **options: Any) -> Flight:
 
 @pytest.mark.parametrize("profile", [IDEAL, REALISTIC])
 def test_a_seed_is_one_flight_to_the_last_bit(profile: ErrorProfile) -> None:
-    one, same, other = (flown(3, noise=True, profile=profile, seed=seed) for seed in (4, 4, 5))
-    assert one.simulator.drones.tobytes() == same.simulator.drones.tobytes()
-    assert np.abs(one.position - other.position).max() > 1e-3
+    first, same, other = (flown(3, noise=True, profile=profile, seed=seed) for seed in (4, 4, 5))
+    assert first.simulator.drones.tobytes() == same.simulator.drones.tobytes()
+    assert np.abs(first.position - other.position).max() > 1e-3
 
 
 @pytest.mark.parametrize(
@@ -34,18 +34,18 @@ def test_a_seed_is_one_flight_to_the_last_bit(profile: ErrorProfile) -> None:
 )
 def test_flights_are_bit_identical_alone_and_in_a_swarm(controller: str, *, noise: bool) -> None:
     apart = [(4.0 * i, 0.0, 0.0) for i in range(12)]
-    one, many = (
+    alone, many = (
         flown(at=at, controller=controller, noise=noise).simulator.drones
         for at in (apart[:1], apart)
     )
-    assert one.tobytes() == many[:1].tobytes()
+    assert alone.tobytes() == many[:1].tobytes()
 
 
 def test_noise_goes_on_beyond_one_block_of_numbers() -> None:
-    one, other = hovering(noise=True), hovering(noise=True, rate=2.0)
-    one.fly(5.0)
-    other.fly(5.0)
-    assert one.position == pytest.approx(other.position, abs=1e-12)
+    fine, coarse = hovering(noise=True), hovering(noise=True, rate=2.0)
+    fine.fly(5.0)
+    coarse.fly(5.0)
+    assert fine.position == pytest.approx(coarse.position, abs=1e-12)
 
 
 def test_wait_stops_at_whole_steps_and_adds_up_without_drift() -> None:

@@ -73,16 +73,16 @@ def hovering(n: int) -> Drones:
 def watched(where: Scene, seconds: float, *, tick: float = 0.05, **options: Any) -> Seen:
     """What the cameras of agents that hover send in some time."""
     cameras = Cameras(where, camera_options(**{**EXACT, **options}))
-    drones, step, found = hovering(len(where.agents)), 0, []
+    drones, step, batches = hovering(len(where.agents)), 0, []
     for k in range(1, round(seconds / tick) + 1):
         while (step := cameras.next_step) <= k * tick / STEP:
             cameras.take(drones, step)
         frames, detections = cameras.arrived(k * tick)
         assert not len(frames.agent)
-        found.append(detections)
+        batches.append(detections)
     return Seen(
         *(
-            np.concatenate([getattr(one, name) for one in found])
+            np.concatenate([getattr(batch, name) for batch in batches])
             for name in ("agent", "tag", "taken", "arrived", "corners")
         )
     )
@@ -90,26 +90,26 @@ def watched(where: Scene, seconds: float, *, tick: float = 0.05, **options: Any)
 
 @pytest.mark.parametrize("rate", [1.0, 7.0, 10.0, 30.0, 60.0])
 def test_images_are_taken_at_the_cameras_rate(rate: float) -> None:
-    seen = watched(room(Camera(rate=rate)), 10.0, latency=0.0)
-    assert len(seen.images) == pytest.approx(10 * rate, abs=1)
-    assert np.diff([0.0, *seen.images]) == pytest.approx(1 / rate, abs=STEP)
+    detections = watched(room(Camera(rate=rate)), 10.0, latency=0.0)
+    assert len(detections.images) == pytest.approx(10 * rate, abs=1)
+    assert np.diff([0.0, *detections.images]) == pytest.approx(1 / rate, abs=STEP)
 
 
 def test_cameras_of_one_rate_take_turns() -> None:
-    seen = watched(room(Camera(), None, Camera(), Camera(), Camera()), 2.0)
-    first = [seen.taken[seen.agent == row].min() for row in (0, 2, 3, 4)]
+    detections = watched(room(Camera(), None, Camera(), Camera(), Camera()), 2.0)
+    first = [detections.taken[detections.agent == row].min() for row in (0, 2, 3, 4)]
     assert first == pytest.approx([0.025, 0.05, 0.075, 0.1], abs=STEP)
 
 
 def test_each_camera_keeps_its_own_rate() -> None:
-    seen = watched(room(Camera(rate=10.0), Camera(rate=4.0)), 5.0, latency=0.0)
-    times = [len(np.unique(seen.taken[seen.agent == row])) for row in (0, 1)]
+    detections = watched(room(Camera(rate=10.0), Camera(rate=4.0)), 5.0, latency=0.0)
+    times = [len(np.unique(detections.taken[detections.agent == row])) for row in (0, 1)]
     assert times == pytest.approx([50, 20], abs=1)
 
 
 def test_images_arrive_after_the_latency() -> None:
-    seen = watched(room(Camera()), 3.0, latency=0.2)
-    assert seen.arrived - seen.taken == pytest.approx(0.2)
+    detections = watched(room(Camera()), 3.0, latency=0.2)
+    assert detections.arrived - detections.taken == pytest.approx(0.2)
 
 
 def test_nothing_arrives_before_its_time() -> None:
@@ -130,10 +130,10 @@ def test_unwanted_images_are_not_rendered_nor_affect_others() -> None:
 
 
 def test_compiling_delivers_no_image_and_changes_nothing() -> None:
-    one, other = (Cameras(room(Camera()), camera_options(latency_std=0.0)) for _ in range(2))
-    other.compile(hovering(1))
+    cold, warm = (Cameras(room(Camera()), camera_options(latency_std=0.0)) for _ in range(2))
+    warm.compile(hovering(1))
     images = []
-    for cameras in (one, other):
+    for cameras in (cold, warm):
         cameras.take(hovering(1), cameras.next_step)
         (image,) = cameras.arrived(1.0)[0].image
         images.append(image)
@@ -148,36 +148,36 @@ def test_what_arrived_is_handed_out_once() -> None:
 
 
 def test_the_latency_jitters_by_its_deviation() -> None:
-    seen = watched(room(Camera(rate=50.0)), 20.0, latency=0.2, latency_std=0.02)
-    late = (seen.arrived - seen.taken)[seen.tag == 0]
+    detections = watched(room(Camera(rate=50.0)), 20.0, latency=0.2, latency_std=0.02)
+    late = (detections.arrived - detections.taken)[detections.tag == 0]
     assert np.mean(late) == pytest.approx(0.2, abs=0.003)
     assert np.std(late) == pytest.approx(0.02, rel=0.1)
 
 
 def test_no_image_arrives_before_it_was_taken() -> None:
-    seen = watched(room(Camera(rate=50.0)), 5.0, latency=0.0, latency_std=0.05)
-    assert (seen.arrived >= seen.taken).all()
+    detections = watched(room(Camera(rate=50.0)), 5.0, latency=0.0, latency_std=0.05)
+    assert (detections.arrived >= detections.taken).all()
 
 
 def test_what_comes_in_one_tick_is_in_the_order_of_its_arrival() -> None:
     where = room(Camera(rate=50.0), Camera(rate=50.0))
-    seen = watched(where, 5.0, tick=0.5, latency_std=0.05)
-    assert (np.diff(seen.arrived) >= 0).all()
-    assert (np.diff(seen.taken) < 0).any()  # though they overtake one another
+    detections = watched(where, 5.0, tick=0.5, latency_std=0.05)
+    assert (np.diff(detections.arrived) >= 0).all()
+    assert (np.diff(detections.taken) < 0).any()  # though they overtake one another
 
 
 def test_simultaneous_images_are_in_agent_order() -> None:
     cameras = Cameras(room(Camera(rate=10.0), Camera(rate=20.0)), camera_options(**EXACT))
     cameras.take(hovering(2), cameras.next_step)  # both at 0.05 s
-    _, seen = cameras.arrived(5.0)
-    assert np.unique(seen.taken).tolist() == [0.05]
-    assert seen.agent.tolist() == [0, 0, 0, 1, 1, 1]
+    _, detections = cameras.arrived(5.0)
+    assert np.unique(detections.taken).tolist() == [0.05]
+    assert detections.agent.tolist() == [0, 0, 0, 1, 1, 1]
 
 
 @pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
 def test_a_share_of_the_images_never_arrives(share: float) -> None:
-    seen = watched(room(Camera(rate=50.0)), 20.0, latency=0.0, drop_rate=share)
-    assert len(seen.images) / 1000 == pytest.approx(1 - share, abs=0.05)
+    detections = watched(room(Camera(rate=50.0)), 20.0, latency=0.0, drop_rate=share)
+    assert len(detections.images) / 1000 == pytest.approx(1 - share, abs=0.05)
 
 
 def test_a_lost_image_does_not_change_the_next() -> None:
@@ -189,10 +189,10 @@ def test_a_lost_image_does_not_change_the_next() -> None:
 
 
 def test_a_share_of_the_tags_is_taken_for_others() -> None:
-    seen = watched(room(Camera(rate=50.0)), 20.0, wrong_id_rate=0.3)
-    right = np.tile([0, 1, 9], len(seen.tag) // 3)
-    assert np.mean(seen.tag != right) == pytest.approx(0.3, abs=0.03)
-    assert set(seen.tag.tolist()) == {0, 1, 9}
+    detections = watched(room(Camera(rate=50.0)), 20.0, wrong_id_rate=0.3)
+    right = np.tile([0, 1, 9], len(detections.tag) // 3)
+    assert np.mean(detections.tag != right) == pytest.approx(0.3, abs=0.03)
+    assert set(detections.tag.tolist()) == {0, 1, 9}
 
 
 def pictures(**options: Any) -> list[set[int]]:
@@ -205,8 +205,8 @@ def pictures(**options: Any) -> list[set[int]]:
         cameras.take(drones, step)
     family = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
     detector = cv2.aruco.ArucoDetector(family)
-    found = [detector.detectMarkers(image) for image in cameras.arrived(9.0)[0].image]
-    return [{int(n) for n in np.ravel(ids)} if corners else set() for corners, ids, _ in found]
+    markers = [detector.detectMarkers(image) for image in cameras.arrived(9.0)[0].image]
+    return [{int(n) for n in np.ravel(ids)} if corners else set() for corners, ids, _ in markers]
 
 
 def test_rendered_tags_bear_the_patterns_of_others() -> None:
@@ -219,34 +219,36 @@ def test_rendered_tags_bear_the_patterns_of_others() -> None:
 
 
 def test_covered_landmarks_and_targets_are_not_seen() -> None:
-    seen = watched(room(Camera()), 1.0, covered=("floor", "survivor"))
-    assert set(seen.tag.tolist()) == {1}
+    detections = watched(room(Camera()), 1.0, covered=("floor", "survivor"))
+    assert set(detections.tag.tolist()) == {1}
 
 
 def test_with_all_of_them_covered_nothing_is_seen() -> None:
-    seen = watched(room(Camera()), 1.0, covered=("floor", "rug", "survivor"), wrong_id_rate=1.0)
-    assert not len(seen.tag)
+    detections = watched(
+        room(Camera()), 1.0, covered=("floor", "rug", "survivor"), wrong_id_rate=1.0
+    )
+    assert not len(detections.tag)
 
 
 def test_images_without_timestamps_have_no_exposure_time() -> None:
-    seen = watched(room(Camera()), 1.0, timestamps=False)
-    assert np.isnan(seen.taken).all()
-    assert np.isfinite(seen.arrived).all()
+    detections = watched(room(Camera()), 1.0, timestamps=False)
+    assert np.isnan(detections.taken).all()
+    assert np.isfinite(detections.arrived).all()
 
 
 def test_corners_are_where_the_real_tags_are_seen() -> None:
-    seen = watched(room(Camera()), 0.5)
+    detections = watched(room(Camera()), 0.5)
     tags, corners = OnboardDetector(Camera(), [*TAGS, TARGET], room().world, noise=0.0).detect(
         Shot(np.array([0, 0, 0.8]), np.array([0.0, 0, 0, 1]), np.zeros(3), np.zeros(3))
     )
-    assert seen.tag[:3].tolist() == tags.tolist() == [0, 1, 9]
-    assert seen.corners[:3] == pytest.approx(corners)
+    assert detections.tag[:3].tolist() == tags.tolist() == [0, 1, 9]
+    assert detections.corners[:3] == pytest.approx(corners)
 
 
 def test_tags_on_the_optical_axis_appear_at_the_principal_point() -> None:
     camera = Camera(position=(0.0, 0.0, 0.0), distortion=(0.0, 0.0, 0.0, 0.0, 0.0))
-    seen = watched(room(camera), 0.5)
-    middle = seen.corners[seen.tag == 0][0].mean(axis=0)
+    detections = watched(room(camera), 0.5)
+    middle = detections.corners[detections.tag == 0][0].mean(axis=0)
     assert middle == pytest.approx(camera.matrix[2:], abs=2.0)  # a slanted square's mean is not it
 
 
@@ -281,11 +283,11 @@ def test_one_cameras_images_do_not_depend_on_another_camera() -> None:
 
 
 def test_one_seed_gives_one_flight_and_another_another() -> None:
-    one, same, other = (
+    first, same, other = (
         watched(room(Camera(), seed=seed), 1.0, corner_noise_std=0.4) for seed in (1, 1, 2)
     )
-    assert np.array_equal(one.corners, same.corners)
-    assert not np.array_equal(one.corners, other.corners)
+    assert np.array_equal(first.corners, same.corners)
+    assert not np.array_equal(first.corners, other.corners)
 
 
 def test_rendered_images_have_the_cameras_size_and_a_time() -> None:
@@ -321,8 +323,8 @@ def heard(where: Scene, camera: dict[str, Any]) -> tuple[int, int]:
     """How many images and tags a whole simulator hands out while an agent rises."""
     simulator = star_sim.make(where, **fill_defaults({"camera": camera}, star_sim.OPTIONS))
     simulator.connect()
-    one = np.zeros(1, np.int64)
-    simulator.command(Command(Order.TAKEOFF, one, np.array([[0, 0, 0.8]]), np.zeros(1), np.ones(1)))
+    row = np.zeros(1, np.int64)
+    simulator.command(Command(Order.TAKEOFF, row, np.array([[0, 0, 0.8]]), np.zeros(1), np.ones(1)))
     images = tags = 0
     for tick in range(1, 41):
         simulator.wait(tick * 0.05)
@@ -372,7 +374,9 @@ def test_cameras_do_not_change_how_agents_fly() -> None:
 
 
 def test_covering_what_is_not_there_is_refused() -> None:
-    found = list(star_sim.check(room(Camera()), camera={"covered": ["floor", "flor", "survivor"]}))
-    assert [(problem.path, problem.message) for problem in found] == [
+    problems = list(
+        star_sim.check(room(Camera()), camera={"covered": ["floor", "flor", "survivor"]})
+    )
+    assert [(problem.path, problem.message) for problem in problems] == [
         (("camera", "covered", 1), "world 'room' has no landmark 'flor'; did you mean 'floor'?")
     ]

@@ -36,7 +36,7 @@ def taken(count: int = 3, seed: int = 0, **options: Any) -> list[Image]:
     return images
 
 
-@pytest.mark.parametrize("options", CASES, ids=lambda one: next(iter(one)))
+@pytest.mark.parametrize("options", CASES, ids=lambda changes: next(iter(changes)))
 def test_a_disturbance_changes_images_and_repeats(options: dict[str, Any]) -> None:
     usual, disturbed, again = taken(), taken(**options), taken(**options)
     assert np.array_equal(disturbed, again)
@@ -45,8 +45,8 @@ def test_a_disturbance_changes_images_and_repeats(options: dict[str, Any]) -> No
 
 
 def test_a_fixed_pattern_stays_and_noise_does_not() -> None:
-    one, two = np.array(taken(2, fixed_pattern_std=10.0, pixel_noise_std=0.0), float)
-    assert np.abs(one - two).mean() < 0.1
+    first, second = np.array(taken(2, fixed_pattern_std=10.0, pixel_noise_std=0.0), float)
+    assert np.abs(first - second).mean() < 0.1
 
 
 def test_the_exposure_steps_every_ten_images() -> None:

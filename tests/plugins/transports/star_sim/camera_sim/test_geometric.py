@@ -58,11 +58,11 @@ def test_the_back_of_a_tag_is_not_found() -> None:
 
 
 @pytest.mark.parametrize(
-    ("obstacle", "found"),
+    ("obstacle", "tags"),
     [(pillar(0.6), []), (pillar(0.1), [0]), (pillar(2.0, foot=0.6), [0]), (pillar(2.0, 0.2), [])],
 )
-def test_an_obstacle_hides_the_tags_in_its_shadow(obstacle: Obstacle, found: list[int]) -> None:
-    assert list(OnboardDetector(CAMERA, [lying(0, 0.8)], room(obstacle)).detect(take())[0]) == found
+def test_an_obstacle_hides_the_tags_in_its_shadow(obstacle: Obstacle, tags: list[int]) -> None:
+    assert list(OnboardDetector(CAMERA, [lying(0, 0.8)], room(obstacle)).detect(take())[0]) == tags
 
 
 def test_a_tag_on_the_face_or_the_top_of_an_obstacle_is_found() -> None:

@@ -37,13 +37,13 @@ HUNG = Tag(2, 0.168, (0.0, 2.0, 0.5), WALL, "wall")
 
 
 def test_tags_of_one_sheet_move_together() -> None:
-    one, two = real_tags(PAIR, [0], survey(0.05, 0.1, 0.05, 0.1))
-    before, after = (np.subtract(b.position, a.position) for a, b in (PAIR, (one, two)))
-    turn = Rotation.from_quat(one.rotation) * Rotation.from_quat(PAIR[0].rotation).inv()
+    first, second = real_tags(PAIR, [0], survey(0.05, 0.1, 0.05, 0.1))
+    before, after = (np.subtract(b.position, a.position) for a, b in (PAIR, (first, second)))
+    turn = Rotation.from_quat(first.rotation) * Rotation.from_quat(PAIR[0].rotation).inv()
     assert after == pytest.approx(turn.apply(before))
-    assert two.rotation == pytest.approx(one.rotation)
-    assert one.position != pytest.approx(PAIR[0].position, abs=1e-3)
-    assert (one.id, one.size, one.of) == (0, 0.168, "corner")
+    assert second.rotation == pytest.approx(first.rotation)
+    assert first.position != pytest.approx(PAIR[0].position, abs=1e-3)
+    assert (first.id, first.size, first.of) == (0, 0.168, "corner")
 
 
 def test_a_sheet_stays_on_its_surface() -> None:
@@ -118,7 +118,8 @@ def test_a_mounting_errs_about_the_cameras_own_axes() -> None:
     def error(camera: Camera) -> list[float]:
         real = real_camera(camera, np.random.default_rng(1), mounted(0.0, 0.1))
         nominal, true = (
-            Rotation.from_euler("xyz", [one.roll, one.pitch, one.yaw]) for one in (camera, real)
+            Rotation.from_euler("xyz", [mounting.roll, mounting.pitch, mounting.yaw])
+            for mounting in (camera, real)
         )
         return list((nominal.inv() * true).as_rotvec())
 

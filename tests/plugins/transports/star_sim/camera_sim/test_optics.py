@@ -65,9 +65,9 @@ def test_opencv_sees_the_ray_of_each_pixel_at_that_pixel(camera: Camera) -> None
     directions = rays(camera)
     trusted = np.isfinite(CameraModel(camera).rays[..., 0])  # the others are clipped
     v, u = np.indices(trusted.shape)
-    seen = by_opencv(camera, directions)
+    pixels = by_opencv(camera, directions)
     assert trusted[24, 32]
-    assert seen[trusted] == pytest.approx(np.stack([u, v], axis=-1)[trusted], abs=1e-6)
+    assert pixels[trusted] == pytest.approx(np.stack([u, v], axis=-1)[trusted], abs=1e-6)
 
 
 def test_folding_lens_models_are_limited_at_their_reach() -> None:

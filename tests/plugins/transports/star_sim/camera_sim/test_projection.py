@@ -41,11 +41,11 @@ def test_a_point_is_seen_from_where_the_camera_is_at_its_row(
 ) -> None:
     points = np.array([[0.5, 0.0, 0.0], [0.9, 0.3, 0.1], [1.5, -0.4, 0.0]])
     shot = take(velocity=velocity, rates=rates)
-    for point, seen in zip(points, pixels(points, shot), strict=True):
-        late = row_time(LENS, seen[1])
+    for point, pixel in zip(points, pixels(points, shot), strict=True):
+        late = row_time(LENS, pixel[1])
         turn = Rotation.from_quat(shot.attitude) * Rotation.from_rotvec(late * shot.rates)
         frozen = take(shot.position + late * shot.velocity)._replace(attitude=turn.as_quat())
-        assert pixels(point, frozen)[0] == pytest.approx(seen, abs=1e-6)
+        assert pixels(point, frozen)[0] == pytest.approx(pixel, abs=1e-6)
 
 
 def test_what_is_behind_or_far_outside_is_not_seen() -> None:
@@ -57,16 +57,16 @@ def test_what_is_behind_or_far_outside_is_not_seen() -> None:
 def test_the_region_that_is_drawn_holds_every_point_of_a_sheet(seed: int) -> None:
     rng = np.random.default_rng(seed)
     shot = take(rng.uniform([-1, -1, 0.1], [1, 1, 1.5]), tuple(rng.normal(0, 0.4, 3)))
-    one, two, three = rng.uniform([-2, -2, 0], [2, 2, 1.0], (3, 3))
-    corners = np.array([one, two, two + three - one, three])
+    origin, right, left = rng.uniform([-2, -2, 0], [2, 2, 1.0], (3, 3))
+    corners = np.array([origin, right, right + left - origin, left])
     x, y = rays(CAMERA)
     region = np.array([324, 244, 0, 0])
     track = poses(shot.packed(), MOUNT, LENS, 1)
     field = (x.min(), y.min(), x.max(), y.max())
     touch(corners, Exposure(rays(CAMERA), track, LENS, field), region)
     a, b = rng.random((2, 500, 1))
-    seen = pixels(one + a * (two - one) + b * (three - one), shot)
-    inside = (seen > -0.5) & (seen < [323.5, 243.5])
-    seen = seen[inside.all(axis=1)]
-    assert (seen > region[:2] - 0.5).all()
-    assert (seen < region[2:] - 0.5).all()
+    points = pixels(origin + a * (right - origin) + b * (left - origin), shot)
+    inside = (points > -0.5) & (points < [323.5, 243.5])
+    points = points[inside.all(axis=1)]
+    assert (points > region[:2] - 0.5).all()
+    assert (points < region[2:] - 0.5).all()

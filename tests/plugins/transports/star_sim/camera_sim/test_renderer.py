@@ -46,12 +46,12 @@ def edge_fit(image: Image, corners: Array, half: float) -> Array:
     """
     across = np.linspace(-half, half, 61)
     lines = []
-    for one, two in itertools.pairwise([*corners, corners[0]]):
-        along = (two - one) / np.linalg.norm(two - one)
+    for start, end in itertools.pairwise([*corners, corners[0]]):
+        along = (end - start) / np.linalg.norm(end - start)
         out = np.array([-along[1], along[0]])
-        if out @ (one - corners.mean(axis=0)) < 0:
+        if out @ (start - corners.mean(axis=0)) < 0:
             out = -out
-        bases = one + np.linspace(0.2, 0.8, 25)[:, None] * (two - one)
+        bases = start + np.linspace(0.2, 0.8, 25)[:, None] * (end - start)
         points = (bases[:, None] + across[:, None] * out).astype(np.float32)
         profile = cv2.remap(
             image.astype(np.float32), points[..., 0], points[..., 1], cv2.INTER_LINEAR
@@ -138,14 +138,14 @@ def test_a_picture_is_the_mean_of_one_that_is_four_times_as_fine() -> None:
     )
     tag, shot = lying(11, 0.85, yaw=0.4), take(turn=(0.02, -0.03, 0.05), velocity=(0.1, 0.1, 0.0))
     _, corners = OnboardDetector(camera, [tag], room()).detect(shot)
-    one, many = (
+    coarse, many = (
         picture(Renderer(kind, [tag], room(), ground(), noise=0.0, blur=0.0), shot).astype(float)
         for kind in (camera, fine)
     )
     left, top = corners[0].min(axis=0).astype(int) - 3
     right, bottom = corners[0].max(axis=0).astype(int) + 4
     many = many.reshape(244, 4, 324, 4).mean(axis=(1, 3))
-    difference = (one - many)[top:bottom, left:right]
+    difference = (coarse - many)[top:bottom, left:right]
     assert difference.std() < 2.5  # of the 185 between ink and paper
     assert abs(difference.mean()) < 0.6
 
@@ -199,12 +199,12 @@ def test_an_obstacle_hides_what_is_behind_it() -> None:
 
 def test_a_nearer_tag_hides_a_farther_one() -> None:
     sign = Tag(2, 0.5, (0.6, 0.0, 0.25), UPRIGHT, "sign")
-    one = Renderer(CAMERA, [lying(3, 0.9), sign], room(), ground())
-    two = Renderer(CAMERA, [sign, lying(3, 0.9)], room(), ground())
+    tag_first = Renderer(CAMERA, [lying(3, 0.9), sign], room(), ground())
+    sign_first = Renderer(CAMERA, [sign, lying(3, 0.9)], room(), ground())
     alone = Renderer(CAMERA, [sign], room(), ground())
     shot = take()
-    assert (picture(one, shot) == picture(alone, shot)).all()
-    assert (picture(two, shot) == picture(alone, shot)).all()
+    assert (picture(tag_first, shot) == picture(alone, shot)).all()
+    assert (picture(sign_first, shot) == picture(alone, shot)).all()
 
 
 def test_rims_that_touch_leave_no_seam() -> None:
@@ -236,20 +236,20 @@ def test_motion_blurs_along_its_way_only() -> None:
 def test_the_floor_moves_with_the_camera_as_a_floor_does() -> None:
     renderer = Renderer(DOWN, [], room(), ground(), noise=0.0)
     pixel = 1.0 / 180.05  # m, at one metre
-    here = picture(renderer, take((0.0, 0.0, 0.985))).astype(float)
-    there = picture(renderer, take((0.0, 10 * pixel, 0.985))).astype(float)
+    before = picture(renderer, take((0.0, 0.0, 0.985))).astype(float)
+    after = picture(renderer, take((0.0, 10 * pixel, 0.985))).astype(float)
     middle = slice(80, 240), slice(80, 240)
     shifted = slice(80, 240), slice(90, 250)  # to the left: what was left of the middle is in it
-    assert np.corrcoef(here[middle].ravel(), there[shifted].ravel())[0, 1] > 0.99
-    assert np.corrcoef(here[middle].ravel(), there[middle].ravel())[0, 1] < 0.6
+    assert np.corrcoef(before[middle].ravel(), after[shifted].ravel())[0, 1] > 0.99
+    assert np.corrcoef(before[middle].ravel(), after[middle].ravel())[0, 1] < 0.6
 
 
 def test_noise_has_the_deviation_it_was_given() -> None:
     rng = np.random.default_rng(0)
     for read in (4.0, 8.0):
         renderer = Renderer(CAMERA, [], room(), ground(), noise=read)
-        one, two = (picture(renderer, take(), rng).astype(float) for _ in range(2))
-        assert (one - two).std() / np.sqrt(2) == pytest.approx(read, rel=0.03)
+        first, second = (picture(renderer, take(), rng).astype(float) for _ in range(2))
+        assert (first - second).std() / np.sqrt(2) == pytest.approx(read, rel=0.03)
 
 
 def test_light_falls_off_towards_the_corners() -> None:
