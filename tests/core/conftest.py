@@ -224,8 +224,8 @@ class Lab:
 
     def ordered(self, order: Order) -> list[int]:
         """Rows that were given an order, in the order they were given it in."""
-        given = (command for _, command in self.robots.commands if command.order is order)
-        return [row for command in given for row in command.agent.tolist()]
+        commands = (command for _, command in self.robots.commands if command.order is order)
+        return [row for command in commands for row in command.agent.tolist()]
 
     def went(self, agent: str | None) -> list[str]:
         """Phases that an agent, or with None the mission, went through."""
@@ -249,7 +249,7 @@ class Lab:
 
     @hookimpl
     def star_avoiders(self) -> Iterable[AvoiderSpec]:
-        idle = SimpleNamespace(avoid=lambda _estimate, wanted: wanted)
+        idle = SimpleNamespace(avoid=lambda _estimate, planned: planned)
         yield self._offer("avoider", "idle", lambda _scene: idle)
 
     @hookimpl

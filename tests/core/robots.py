@@ -40,8 +40,8 @@ class Robots(PointMasses):
     def command(self, command: star.Command) -> None:
         self.commands.append((self.time, command))
         if command.order is Order.FOLLOW:
-            here = self.position[command.agent]
-            command = Command(Order.GOTO, command.agent, here, command.yaw, command.duration)
+            position = self.position[command.agent]
+            command = Command(Order.GOTO, command.agent, position, command.yaw, command.duration)
         super().command(command)
 
     def send(self, setpoint: star.Setpoint) -> star.Setpoint:

@@ -350,7 +350,7 @@ def test_misspelt_repeated_set_options_get_a_suggestion(refused: Callable[..., l
 
 
 @pytest.mark.parametrize(
-    ("given", "line"),
+    ("assignment", "line"),
     [
         ("avoider.horizn=1", "avoider 'orca': unknown option 'horizn'; did you mean 'horizon'?"),
         ("mission.9.land={}", "'mission' has no item 9; the last is 1"),
@@ -361,10 +361,10 @@ def test_misspelt_repeated_set_options_get_a_suggestion(refused: Callable[..., l
     ],
 )
 def test_invalid_set_values_are_reported_with_the_assignment(
-    refused: Callable[..., list[str]], given: str, line: str
+    refused: Callable[..., list[str]], assignment: str, line: str
 ) -> None:
-    (found,) = refused("run", "hop.yaml", "--set", given)
-    assert found.startswith(f"--set {given}: {line}")
+    (problem,) = refused("run", "hop.yaml", "--set", assignment)
+    assert problem.startswith(f"--set {assignment}: {line}")
 
 
 @pytest.mark.parametrize(
@@ -378,8 +378,8 @@ def test_invalid_set_values_are_reported_with_the_assignment(
 def test_a_seed_or_a_speed_that_is_none_is_refused(
     refused: Callable[..., list[str]], arguments: tuple[str, ...], line: str
 ) -> None:
-    (found,) = refused("run", "hop.yaml", *arguments)
-    assert found.startswith(line)
+    (problem,) = refused("run", "hop.yaml", *arguments)
+    assert problem.startswith(line)
 
 
 @pytest.mark.parametrize(

@@ -268,10 +268,10 @@ def test_landing_clearance_grows_with_position_uncertainty(
     stds: tuple[float, float], margin: float, aside: list[str]
 ) -> None:
     landings = Landings([AgentPhase.FLYING, AgentPhase.LANDED], Limits(uncertainty_margin=margin))
-    seen = estimate(np.array([[0.0, 0.0, 1.0], [0.3, 0.0, 0.0]]))
+    now = estimate(np.array([[0.0, 0.0, 1.0], [0.3, 0.0, 0.0]]))
     covariance = np.array([np.eye(3) * std**2 for std in stds])
     landings.manager.land([0])
-    landings.step(replace(seen, covariance=covariance))
+    landings.step(replace(now, covariance=covariance))
     assert landings.reported == aside
 
 
@@ -364,16 +364,16 @@ def test_an_uncertain_agent_lands_farther_from_obstacles(
 ) -> None:
     pillar = Obstacle("pillar", (((-1.3, -1), (-0.3, -1), (-0.3, 1), (-1.3, 1)),), (0.0, 3.0))
     landings = Landings([AgentPhase.FLYING], Limits(uncertainty_margin=margin), pillar)
-    seen = estimate(np.array([[0.0, 0.0, 1.0]]))
+    now = estimate(np.array([[0.0, 0.0, 1.0]]))
     landings.manager.land([0])
-    landings.step(replace(seen, covariance=std**2 * np.eye(3)[None]))
+    landings.step(replace(now, covariance=std**2 * np.eye(3)[None]))
     assert landings.reported == aside
 
 
 def test_an_uncertain_agent_lands_inside_the_fence() -> None:
     landings = Landings([AgentPhase.FLYING])
     low, high = scene(1).world.fence.low, scene(1).world.fence.high
-    seen = estimate(np.array([[high[0] - 0.1, (low[1] + high[1]) / 2, 1.0]]))
+    now = estimate(np.array([[high[0] - 0.1, (low[1] + high[1]) / 2, 1.0]]))
     landings.manager.land([0])
-    landings.step(replace(seen, covariance=0.1**2 * np.eye(3)[None]))
+    landings.step(replace(now, covariance=0.1**2 * np.eye(3)[None]))
     assert landings.reported == ["cf1 lands 0.25 m aside: its position is not free"]

@@ -83,12 +83,12 @@ def test_a_door_that_is_too_narrow_is_closed() -> None:
 
 
 @pytest.mark.parametrize(
-    ("low", "high", "there"),
+    ("low", "high", "overlaps"),
     [(1.5, 1.5, True), (0.2, 1.1, True), (0.0, 1.0, False), (2.0, 3.0, False), (1.0, 1.0, False)],
 )
-def test_only_what_reaches_in_between_counts(low: float, high: float, *, there: bool) -> None:
+def test_only_what_reaches_in_between_counts(low: float, high: float, *, overlaps: bool) -> None:
     shelf = thing(SQUARE, height=(1.0, 2.0))
-    assert footprint([shelf], low, high).is_empty is not there
+    assert footprint([shelf], low, high).is_empty is not overlaps
 
 
 def test_walls_below_numeric_resolution_are_still_obstacles() -> None:

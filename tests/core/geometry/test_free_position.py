@@ -26,9 +26,9 @@ def table(foot: float, crest: float) -> World:
 
 
 def test_the_own_position_is_preferred() -> None:
-    here = free_position(START, World("room", FENCE), np.array([[0.25, 0.0]]), AGENT_CLEARANCE)
-    assert here is not None
-    assert here.tolist() == [0.0, 0.0]
+    position = free_position(START, World("room", FENCE), np.array([[0.25, 0.0]]), AGENT_CLEARANCE)
+    assert position is not None
+    assert position.tolist() == [0.0, 0.0]
 
 
 def test_a_position_aside_keeps_the_extra_clearance() -> None:

@@ -104,9 +104,9 @@ def test_a_view_is_copied_since_its_base_can_be_written_to(base: np.ndarray) -> 
 @pytest.mark.parametrize("kind", [Goals, Setpoint, Plan, Corrections, Sightings, Paths, Odometry])
 def test_a_table_of_no_rows_has_the_declared_shapes(kind: Any) -> None:
     empty = kind.none(2)
-    for one in kind.COLUMNS:
-        column = getattr(empty, one.name)
-        if one.optional:
+    for column_spec in kind.COLUMNS:
+        column = getattr(empty, column_spec.name)
+        if column_spec.optional:
             assert column is None
         else:
-            assert (column.shape, column.dtype) == ((2, *one.row), one.dtype)
+            assert (column.shape, column.dtype) == ((2, *column_spec.row), column_spec.dtype)

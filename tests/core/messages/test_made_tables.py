@@ -38,7 +38,7 @@ def tables(value: Any) -> Iterator[Any]:
 
 
 def test_tables_that_the_core_makes_are_frozen_and_fit() -> None:
-    seen = Tables()
-    registry = Registry(seen)
+    tables = Tables()
+    registry = Registry(tables)
     fly(load(MISSION, registry), registry)
-    assert {"Estimate", "Goals", "Health", "Plan", "Setpoint", "Telemetry", "Truth"} <= seen.kinds
+    assert {"Estimate", "Goals", "Health", "Plan", "Setpoint", "Telemetry", "Truth"} <= tables.kinds

@@ -131,8 +131,8 @@ def test_agents_arrive_at_positions_in_the_map(lab: Lab) -> None:
     askew(lab, ALONG_X)
     tick = lab.ticks[-1]
     assert tick.truth is not None
-    there = tick.truth.position[:, :2]
-    assert there == pytest.approx(np.array([[3.0, 2.0], [1.0, 4.0]]))
+    position = tick.truth.position[:, :2]
+    assert position == pytest.approx(np.array([[3.0, 2.0], [1.0, 4.0]]))
 
 
 def test_places_to_fly_to_are_commanded_in_each_odometry_frame(lab: Lab) -> None:
@@ -150,7 +150,9 @@ def test_climb_heights_are_commanded_in_each_odometry_frame(lab: Lab) -> None:
 def test_the_core_lands_just_below_the_floor_of_the_map(lab: Lab) -> None:
     askew(lab, BY_ITSELF)
     landings = [command for _, command in lab.robots.commands if command.order is Order.LAND]
-    assert [z for one in landings for z in one.position[:, 2]] == pytest.approx([-0.45, -0.45])
+    assert [z for landing in landings for z in landing.position[:, 2]] == pytest.approx(
+        [-0.45, -0.45]
+    )
 
 
 def test_orders_are_transformed_to_the_frames_of_their_agents(lab: Lab) -> None:

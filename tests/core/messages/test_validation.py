@@ -73,8 +73,8 @@ def test_a_part_that_lacks_methods_is_refused_with_their_names() -> None:
 
 def test_a_part_keeps_its_contract_by_its_shape() -> None:
     class Mine:
-        def avoid(self, estimate: Estimate, wanted: Setpoint) -> Setpoint:
-            return wanted
+        def avoid(self, estimate: Estimate, planned: Setpoint) -> Setpoint:
+            return planned
 
     require_methods(Mine(), Avoider)
 
@@ -194,8 +194,8 @@ def test_sightings_are_of_agents_that_exist() -> None:
         yaw=np.zeros(1),
         covariance=np.zeros((1, 3, 3)),
     )
-    found = refused(checked_estimate, replace(GOOD, sightings=far), 2)
-    assert found == "Estimate.sightings.agent is [7], expected rows below 2 [contract-broken]"
+    message = refused(checked_estimate, replace(GOOD, sightings=far), 2)
+    assert message == "Estimate.sightings.agent is [7], expected rows below 2 [contract-broken]"
 
 
 @pytest.mark.parametrize(
@@ -215,8 +215,8 @@ def test_detections_are_of_agents_that_exist_at_pixels(
 
 def test_reused_estimates_do_not_repeat_their_detections() -> None:
     time = np.zeros(1)
-    seen = Detections(np.array([1]), np.array([7]), np.zeros((1, 4, 2)), time, time)
-    assert not len(renewed(replace(GOOD, detections=seen), 0.1).detections.tag)
+    detections = Detections(np.array([1]), np.array([7]), np.zeros((1, 4, 2)), time, time)
+    assert not len(renewed(replace(GOOD, detections=detections), 0.1).detections.tag)
 
 
 def test_detections_have_a_reason_each_if_any() -> None:
@@ -228,9 +228,9 @@ def test_detections_have_a_reason_each_if_any() -> None:
 def test_detections_of_several_tables_are_merged_in_order() -> None:
     time = np.array([1.0, np.nan])
     rows = np.arange(2)
-    one = Detections(rows, rows, np.zeros((2, 4, 2)), time, time + 1)
-    two = Detections(rows + 2, rows, np.ones((2, 4, 2)), time, np.full(2, 3.0), ("far", ""))
-    both = Detections.merged([Detections.none(), one, two])
+    first = Detections(rows, rows, np.zeros((2, 4, 2)), time, time + 1)
+    second = Detections(rows + 2, rows, np.ones((2, 4, 2)), time, np.full(2, 3.0), ("far", ""))
+    both = Detections.merged([Detections.none(), first, second])
     assert both.agent.tolist() == [0, 1, 2, 3]
     assert both.rejected == ("", "", "far", "")
     assert both.time[[0, 2, 3]].tolist() == [1.0, 1.0, 3.0]
@@ -240,19 +240,20 @@ def test_detections_of_several_tables_are_merged_in_order() -> None:
 
 def test_reasons_of_a_plan_are_a_map() -> None:
     odd: Any = ["walled in"]
-    found = refused(checked_plan, replace(PLAN, reasons=odd), 2)
+    message = refused(checked_plan, replace(PLAN, reasons=odd), 2)
     assert (
-        found == "Plan.reasons is ['walled in'], expected a map from row to text [contract-broken]"
+        message
+        == "Plan.reasons is ['walled in'], expected a map from row to text [contract-broken]"
     )
 
 
 def test_a_report_has_a_time() -> None:
-    found = refused(checked_telemetry, replace(TELEMETRY, time=np.nan), 2)
-    assert found == "Telemetry.time is nan, expected a number [contract-broken]"
+    message = refused(checked_telemetry, replace(TELEMETRY, time=np.nan), 2)
+    assert message == "Telemetry.time is nan, expected a number [contract-broken]"
 
 
 @pytest.mark.parametrize("name", ["odometry", "frames", "detections"])
 def test_what_is_reported_is_of_agents_that_exist(name: str) -> None:
-    given: dict[str, Any] = {name: SimpleNamespace(agent=np.array([0, 2]))}
-    found = refused(checked_telemetry, replace(TELEMETRY, **given), 2)
-    assert found == f"Telemetry.{name}.agent is [0, 2], expected rows below 2 [contract-broken]"
+    tables: dict[str, Any] = {name: SimpleNamespace(agent=np.array([0, 2]))}
+    message = refused(checked_telemetry, replace(TELEMETRY, **tables), 2)
+    assert message == f"Telemetry.{name}.agent is [0, 2], expected rows below 2 [contract-broken]"

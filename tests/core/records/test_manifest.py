@@ -149,4 +149,4 @@ def test_manifest_keeps_the_versions_of_all_dependencies() -> None:
     needed = {re.split("[<>=!~ ]", line)[0].replace(".", "-") for line in project["dependencies"]}
     kept = packages()
     assert {name.replace(".", "-") for name in kept} == {"star-swarm", *needed}
-    assert all(found == version(name) for name, found in kept.items())
+    assert all(kept_version == version(name) for name, kept_version in kept.items())

@@ -25,9 +25,9 @@ FLYING, LANDING = AgentPhase.FLYING, AgentPhase.LANDING
 PILLAR = Obstacle("pillar", (((1.0, -1.0), (2.0, -1.0), (2.0, 1.0), (1.0, 1.0)),), (0.0, 2.0))
 
 
-def tick(time: float, seen: Any, truth: Any, phase: Sequence[AgentPhase]) -> Tick:
+def tick(time: float, estimated_position: Any, truth: Any, phase: Sequence[AgentPhase]) -> Tick:
     """A tick of which only what is measured means anything."""
-    position = np.array(seen, np.float64)
+    position = np.array(estimated_position, np.float64)
     n = len(position)
     none = np.zeros(n, np.bool_)
     nothing = Setpoint(np.zeros((n, 3)), np.zeros(n), none)
@@ -50,15 +50,19 @@ def tick(time: float, seen: Any, truth: Any, phase: Sequence[AgentPhase]) -> Tic
 
 
 def measured(
-    truth: Any, *, seen: Any = None, obstacles: tuple[Obstacle, ...] = (), known: bool = True
+    truth: Any,
+    *,
+    estimated_track: Any = None,
+    obstacles: tuple[Obstacle, ...] = (),
+    ground_truth: bool = True,
 ) -> dict[str, Any]:
     """The summary of a flight of ticks 0.05 s apart.
 
     Args:
         truth: (T, N, 3) where the agents are, m.
-        seen: (T, N, 3) where they are believed to be, m; where they are if not given.
+        estimated_track: (T, N, 3) where they are believed to be, m; where they are if not given.
         obstacles: In the room.
-        known: Whether the truth is known.
+        ground_truth: Whether the truth is known.
     """
     track = np.array(truth, np.float64)
     t, n, _ = track.shape
@@ -66,8 +70,8 @@ def measured(
     furnished = replace(scene(n), world=room)
     meter = FlightSummary(furnished)
     for k in range(t):
-        where = track[k] if seen is None else np.array(seen)[k]
-        now = tick(k * PERIOD, where, track[k] if known else None, [FLYING] * n)
+        where = track[k] if estimated_track is None else np.array(estimated_track)[k]
+        now = tick(k * PERIOD, where, track[k] if ground_truth else None, [FLYING] * n)
         add(meter, now)
     return summed(meter)
 
@@ -129,14 +133,16 @@ def test_a_collision_goes_on_though_another_agent_is_nowhere(n: int) -> None:
     line[-1] = line[-2] + [0.05, 0.0, 0.0]
     gap = line.copy()
     gap[0] = np.nan
-    summary = measured([line, gap, line], known=False)
+    summary = measured([line, gap, line], ground_truth=False)
     assert summary["collisions"]["agent_agent"] == 1
 
 
 def test_separation_is_of_the_estimate_without_ground_truth() -> None:
-    summary = measured(apart(2.0), seen=apart(1.0), known=False)
+    summary = measured(apart(2.0), estimated_track=apart(1.0), ground_truth=False)
     assert summary["min_separation_m"] == pytest.approx(1.0)
-    assert measured(apart(2.0), seen=apart(0.01))["min_separation_m"] == pytest.approx(2.0)
+    assert measured(apart(2.0), estimated_track=apart(0.01))["min_separation_m"] == pytest.approx(
+        2.0
+    )
 
 
 def clouds(n: int) -> st.SearchStrategy[Array]:
@@ -168,7 +174,7 @@ def test_unlocated_agents_are_near_no_agent_in_large_swarms() -> None:
     line = np.zeros((70, 3))
     line[:, 1] = 2.0 * np.arange(70)
     line[3:5] = np.nan
-    summary = measured([line], known=False)
+    summary = measured([line], ground_truth=False)
     assert summary["min_separation_m"] == pytest.approx(2.0)
     assert summary["collisions"]["agent_agent"] == 0
 
@@ -197,7 +203,7 @@ def test_an_agent_hits_an_obstacle_again_once_it_was_clear() -> None:
 
 
 def test_clearance_is_that_of_the_agents_that_are_somewhere() -> None:
-    summary = measured([[[0.0, 0.0, 1.0], [np.nan] * 3]], known=False, obstacles=(PILLAR,))
+    summary = measured([[[0.0, 0.0, 1.0], [np.nan] * 3]], ground_truth=False, obstacles=(PILLAR,))
     assert summary["min_clearance_m"] == pytest.approx(1.0)
 
 
