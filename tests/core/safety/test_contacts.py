@@ -32,10 +32,10 @@ def followed(
     positions = np.array(track, np.float64)
     n = positions.shape[1]
     contacts = Contacts(furnished(n, obstacles))
-    seen = [
+    incidents = [
         update(contacts, moment(k, positions, phase, truth=truth)) for k in range(len(positions))
     ]
-    return contacts, [*seen, contacts.finish()]
+    return contacts, [*incidents, contacts.finish()]
 
 
 def update(contacts: Contacts, tick: Tick) -> list[Event]:
@@ -49,12 +49,12 @@ def furnished(n: int, obstacles: tuple[Obstacle, ...]) -> Scene:
 
 def moment(k: int, positions: Array, phase: AgentPhase, *, truth: bool) -> Tick:
     """Tick `k`, with velocities as differences of the positions."""
-    here, before = positions[k], positions[max(0, k - 1)]
-    n = len(here)
-    velocity = (here - before) / PERIOD
-    now = replace(tick(k * PERIOD, here, None, [phase] * n), estimate=at(here, velocity, k))
+    position, before = positions[k], positions[max(0, k - 1)]
+    n = len(position)
+    velocity = (position - before) / PERIOD
+    now = replace(tick(k * PERIOD, position, None, [phase] * n), estimate=at(position, velocity, k))
     attitude = np.tile([0.0, 0.0, 0.0, 1.0], (n, 1))
-    return replace(now, truth=Truth(now.time, here, velocity, attitude)) if truth else now
+    return replace(now, truth=Truth(now.time, position, velocity, attitude)) if truth else now
 
 
 def at(position: Array, velocity: Array, k: int) -> Estimate:
@@ -67,8 +67,8 @@ def pair(*distances: float) -> list[list[list[float]]]:
 
 
 def test_collisions_report_agents_position_time_and_speed() -> None:
-    contacts, seen = followed(pair(0.5, 0.3, 0.1))
-    ((incident,),) = [found for found in seen if found]
+    contacts, incidents = followed(pair(0.5, 0.3, 0.1))
+    ((incident,),) = [events for events in incidents if events]
     assert incident.kind == "collision"
     assert incident.details == {
         "agents": ["cf1", "cf2"],
@@ -82,8 +82,8 @@ def test_collisions_report_agents_position_time_and_speed() -> None:
 
 
 def test_a_collision_with_an_obstacle_names_the_obstacle() -> None:
-    contacts, seen = followed([[[0.5, 0, 1]], [[0.96, 0, 1]]], obstacles=(PILLAR,))
-    ((incident,),) = [found for found in seen if found]
+    contacts, incidents = followed([[[0.5, 0, 1]], [[0.96, 0, 1]]], obstacles=(PILLAR,))
+    ((incident,),) = [events for events in incidents if events]
     assert (incident.details or {})["agents"] == ["cf1"]
     assert (incident.details or {})["obstacle"] == "pillar"
     assert "cf1 and obstacle 'pillar' collided at [0.96, 0.00, 1.00]" in incident.text
@@ -91,14 +91,14 @@ def test_a_collision_with_an_obstacle_names_the_obstacle() -> None:
 
 
 def test_a_contact_that_lasts_is_one_collision() -> None:
-    _, seen = followed(pair(0.1, 0.11, 0.1, 0.5, 0.1))
-    assert [len(found) for found in seen] == [1, 0, 0, 0, 1, 0]
+    _, incidents = followed(pair(0.1, 0.11, 0.1, 0.5, 0.1))
+    assert [len(events) for events in incidents] == [1, 0, 0, 0, 1, 0]
 
 
 def test_close_approaches_report_their_smallest_distance_once() -> None:
-    _, seen = followed(pair(0.5, 0.19, 0.15, 0.17, 0.3, 0.5))
-    assert [len(found) for found in seen] == [0, 0, 0, 0, 1, 0, 0]
-    (incident,) = seen[4]
+    _, incidents = followed(pair(0.5, 0.19, 0.15, 0.17, 0.3, 0.5))
+    assert [len(events) for events in incidents] == [0, 0, 0, 0, 1, 0, 0]
+    (incident,) = incidents[4]
     assert incident.kind == "close_approach"
     assert (incident.details or {})["distance_m"] == pytest.approx(0.15)
     assert (incident.details or {})["time_s"] == pytest.approx(2 * PERIOD)
@@ -109,11 +109,11 @@ def test_close_approaches_report_their_smallest_distance_once() -> None:
 def test_close_approaches_use_an_ellipsoid_and_report_distance() -> None:
     def over(aside: float, height: float) -> list[Event]:
         track = [[[0, 0, 1], [2, 0, 1]], [[0, 0, 1], [aside, 0, 1 + height]]]
-        contacts, seen = followed(track)
+        contacts, incidents = followed(track)
         assert contacts.separation == pytest.approx(math.hypot(aside, height))
-        return seen[-1]
+        return incidents[-1]
 
-    assert [one.kind for one in over(0.0, 0.59)] == ["close_approach"]
+    assert [incident.kind for incident in over(0.0, 0.59)] == ["close_approach"]
     (inside,) = over(0.14, 0.42)  # of the semi-axes: 0.7 each
     assert (inside.details or {})["distance_m"] == pytest.approx(math.hypot(0.14, 0.42))
     assert not over(0.0, 0.61)
@@ -121,29 +121,29 @@ def test_close_approaches_use_an_ellipsoid_and_report_distance() -> None:
 
 
 def test_unfinished_close_approaches_are_reported_at_the_end() -> None:
-    _, seen = followed(pair(0.5, 0.15))
-    assert [len(found) for found in seen] == [0, 0, 1]
+    _, incidents = followed(pair(0.5, 0.15))
+    assert [len(events) for events in incidents] == [0, 0, 1]
 
 
 def test_distances_around_the_limit_are_one_close_approach() -> None:
-    _, seen = followed(pair(0.5, 0.199, 0.201, 0.199, 0.201, 0.5))
-    assert [len(found) for found in seen] == [0, 0, 0, 0, 0, 1, 0]
+    _, incidents = followed(pair(0.5, 0.199, 0.201, 0.199, 0.201, 0.5))
+    assert [len(events) for events in incidents] == [0, 0, 0, 0, 0, 1, 0]
 
 
 @pytest.mark.parametrize("distances", [(0.5, 0.15, 0.1, 0.15, 0.5), (0.1, 0.5), (0.5, 0.1)])
 def test_a_collision_is_not_a_close_approach_as_well(distances: Sequence[float]) -> None:
-    _, seen = followed(pair(*distances))
-    assert [one.kind for found in seen for one in found] == ["collision"]
+    _, incidents = followed(pair(*distances))
+    assert [event.kind for events in incidents for event in events] == ["collision"]
 
 
 def test_grounded_agents_make_no_close_approaches() -> None:
-    _, seen = followed(pair(0.15, 0.15), phase=GROUNDED)
-    assert not any(seen)
+    _, incidents = followed(pair(0.15, 0.15), phase=GROUNDED)
+    assert not any(incidents)
 
 
 def test_without_ground_truth_incidents_are_marked_as_estimated() -> None:
-    contacts, seen = followed(pair(0.5, 0.1), truth=False)
-    (note,), (incident,) = [found for found in seen if found]
+    contacts, incidents = followed(pair(0.5, 0.1), truth=False)
+    (note,), (incident,) = [events for events in incidents if events]
     assert note.kind == "no_truth"
     assert (incident.details or {})["from"] == "estimate"
     assert incident.text.endswith(" (estimated positions)")

@@ -137,12 +137,12 @@ def test_corrected_positions_may_jump_farther() -> None:
 def stuck(*velocities: float, drift: float = 0.0) -> list[bool]:
     """In which ticks a position that only drifts is accepted while the agent reports velocities."""
     gate = monitor()
-    seen = []
+    valid = []
     for k, velocity in enumerate(velocities):
         reported = np.array([[velocity, 0.0, 0.0]])
         answer, _ = checked(gate, believed(drift * k, k * PERIOD), velocity=reported)
-        seen.append(bool(answer.valid[0]))
-    return seen
+        valid.append(bool(answer.valid[0]))
+    return valid
 
 
 def test_estimates_frozen_in_flight_are_rejected() -> None:
@@ -161,23 +161,23 @@ def spoiled(*velocities: float, airborne: bool = True) -> list[tuple[bool, float
     An agent that reports another velocity than 0 reports a random position.
     """
     gate, random = monitor(), np.random.default_rng(0)
-    seen = []
+    track = []
     for k, velocity in enumerate(velocities):
-        here = 0.1 if velocity == 0 else 0.1 + random.normal()
-        now = replace(believed(here, k * PERIOD), valid=np.isfinite([velocity]))
+        position = 0.1 if velocity == 0 else 0.1 + random.normal()
+        now = replace(believed(position, k * PERIOD), valid=np.isfinite([velocity]))
         reported = np.array([[velocity, 0.0, 0.0]])
         answer, _ = checked(gate, now, airborne & AIRBORNE, reported)
-        seen.append((bool(answer.valid[0]), float(answer.position[0, 0])))
-    return seen
+        track.append((bool(answer.valid[0]), float(answer.position[0, 0])))
+    return track
 
 
 @pytest.mark.parametrize("airborne", [True, False])
 def test_random_velocity_reports_keep_the_last_position(*, airborne: bool) -> None:
     bad = np.where(np.random.default_rng(1).random(200) < 0.5, np.nan, 20.0).tolist()
     ticks = round(SPOILED_TIME / PERIOD)
-    seen = spoiled(*[0.0] * 5, *bad, *[0.0] * (ticks + 5), airborne=airborne)
-    assert all(x == 0.1 for _, x in seen)
-    located = [valid for valid, _ in seen]
+    track = spoiled(*[0.0] * 5, *bad, *[0.0] * (ticks + 5), airborne=airborne)
+    assert all(x == 0.1 for _, x in track)
+    located = [valid for valid, _ in track]
     assert located[:5] == [True] * 5
     assert not any(located[5 : 5 + 200 + ticks - 2])
     assert all(located[-5:])
@@ -193,7 +193,7 @@ def test_a_jump_is_reported_once() -> None:
     gate = monitor()
     checked(gate, believed(0.0, 0.0))
     jumps = [checked(gate, believed(50.0, k * PERIOD))[1] for k in range(1, 5)]
-    assert [len(found) for found in jumps] == [1, 0, 0, 0]
+    assert [len(texts) for texts in jumps] == [1, 0, 0, 0]
 
 
 def test_a_jump_that_lasts_does_not_become_plausible() -> None:

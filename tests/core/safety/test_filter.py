@@ -54,16 +54,16 @@ def setpoint(velocity: Any, active: Any = None) -> Setpoint:
 
 def filtered(position: Any, velocity: Any, active: Any = None) -> tuple[Array, Corrected]:
     """What is sent to agents that should fly so, and the agents that were corrected."""
-    wanted = setpoint(velocity, active)
+    planned = setpoint(velocity, active)
     now = estimate(np.array(position, float))
-    sent, corrected = apply(SafetyFilter(scene(len(wanted.yaw))), now, wanted, wanted)
+    sent, corrected = apply(SafetyFilter(scene(len(planned.yaw))), now, planned, planned)
     return sent.velocity, corrected
 
 
 def apply(
-    guard: SafetyFilter, now: Estimate, safe: Setpoint, wanted: Setpoint
+    guard: SafetyFilter, now: Estimate, safe: Setpoint, planned: Setpoint
 ) -> tuple[Setpoint, Corrected]:
-    return guard.filter(now, safe, wanted, Pairs.of(now.position, guard.reach))
+    return guard.filter(now, safe, planned, Pairs.of(now.position, guard.reach))
 
 
 def unchanged(corrected: Corrected) -> bool:
@@ -109,8 +109,8 @@ def test_agents_outside_the_fence_are_drawn_back_and_may_return() -> None:
 
 def test_agents_falling_through_the_fence_return_within_limits() -> None:
     now = estimate(np.array([[0.0, 0.0, -0.1]]), velocity=np.array([[0.0, 0.0, -2.5]]))
-    wanted = setpoint([[0.9, 0.0, 0.0]])
-    sent, _ = apply(SafetyFilter(scene(1)), now, wanted, wanted)
+    planned = setpoint([[0.9, 0.0, 0.0]])
+    sent, _ = apply(SafetyFilter(scene(1)), now, planned, planned)
     assert sent.velocity[0, 2] > 0.8
     assert np.linalg.norm(sent.velocity) <= SPEED * (1 + 1e-6)
 
@@ -129,25 +129,25 @@ def test_excessive_velocities_are_scaled_and_slow_ones_kept(
     wish: list[tuple[float, float, float]], active: list[bool]
 ) -> None:
     wide = replace(scene(3), world=World("hall", Fence((-1e6,) * 3, (1e6,) * 3)))
-    wanted = setpoint(wish, active)
-    here = estimate(np.arange(3)[:, None] * [1000.0, 0.0, 0.0])
-    sent, _ = apply(SafetyFilter(wide), here, wanted, wanted)
-    lengths = np.linalg.norm(wanted.velocity, axis=1)
+    planned = setpoint(wish, active)
+    now = estimate(np.arange(3)[:, None] * [1000.0, 0.0, 0.0])
+    sent, _ = apply(SafetyFilter(wide), now, planned, planned)
+    lengths = np.linalg.norm(planned.velocity, axis=1)
     factor = np.minimum(1.0, SPEED / np.maximum(lengths, 1e-300)) * np.array(active)
-    assert sent.velocity == pytest.approx(wanted.velocity * factor[:, None], abs=1e-12)
+    assert sent.velocity == pytest.approx(planned.velocity * factor[:, None], abs=1e-12)
     assert sent.active.tolist() == active
 
 
 def test_drones_with_response_lag_stop_inside_the_fence() -> None:
     guard, wish = SafetyFilter(scene(1)), setpoint([[SPEED, 0.0, 0.0]])
-    here, velocity = np.array([[0.0, 0.0, 1.0]]), np.zeros((1, 3))
+    position, velocity = np.array([[0.0, 0.0, 1.0]]), np.zeros((1, 3))
     for _ in range(200):
-        now = replace(estimate(here), velocity=velocity)
+        now = replace(estimate(position), velocity=velocity)
         sent, _ = apply(guard, now, wish, wish)
         velocity = velocity + (1 - math.exp(-TICK / 0.35)) * (sent.velocity - velocity)
-        here = here + TICK * velocity
-        assert here[0, 0] <= FENCE.high[0] + 0.005
-    assert here[0, 0] > FENCE.high[0] - 0.02
+        position = position + TICK * velocity
+        assert position[0, 0] <= FENCE.high[0] + 0.005
+    assert position[0, 0] > FENCE.high[0] - 0.02
 
 
 @pytest.mark.parametrize("across", [0.0, 0.05, 0.15])
@@ -159,7 +159,7 @@ def test_two_that_fly_at_each_other_stop_apart(across: float) -> None:
 
 
 @pytest.mark.parametrize(
-    ("one", "two"),
+    ("first", "second"),
     [
         ([0.0, 0.0, 1.8], [0.0, 0.0, 0.2]),
         ([0.02, 0.0, 1.6], [0.0, 0.0, 0.4]),
@@ -168,9 +168,9 @@ def test_two_that_fly_at_each_other_stop_apart(across: float) -> None:
         ([0.1, 0.0, 1.3], [0.0, 0.1, 0.9]),
     ],
 )
-def test_head_on_agents_stop_outside_the_ellipsoid(one: list[float], two: list[float]) -> None:
-    towards = SPEED * np.subtract(two, one) / np.linalg.norm(np.subtract(two, one))
-    path = flown([one, two], [towards, -towards], seconds=5.0)
+def test_head_on_agents_stop_outside_the_ellipsoid(first: list[float], second: list[float]) -> None:
+    towards = SPEED * np.subtract(second, first) / np.linalg.norm(np.subtract(second, first))
+    path = flown([first, second], [towards, -towards], seconds=5.0)
     flattened = (path[:, 0] - path[:, 1]) / [APART, APART, ABOVE]
     distances = np.linalg.norm(flattened, axis=1)
     nearest = float(distances.min())
@@ -215,21 +215,21 @@ def test_agents_brake_for_an_unsteered_agent() -> None:
 
 
 def test_agents_brake_for_an_agent_without_velocity() -> None:
-    wanted = setpoint([[1.0, 0.0, 0.0], [0.0, 0.0, 0.0]], [True, False])
-    here = np.array([[0.0, 0.0, 1.0], [0.3, 0.0, 1.0]])
-    silent = estimate(here, velocity=np.array([[0.0] * 3, [math.nan] * 3]))
-    sent, corrected = apply(SafetyFilter(scene(2)), silent, wanted, wanted)
-    still, _ = filtered(here, wanted.velocity, [True, False])
+    planned = setpoint([[1.0, 0.0, 0.0], [0.0, 0.0, 0.0]], [True, False])
+    position = np.array([[0.0, 0.0, 1.0], [0.3, 0.0, 1.0]])
+    silent = estimate(position, velocity=np.array([[0.0] * 3, [math.nan] * 3]))
+    sent, corrected = apply(SafetyFilter(scene(2)), silent, planned, planned)
+    still, _ = filtered(position, planned.velocity, [True, False])
     assert sent.velocity[0].tolist() == still[0].tolist()
     assert corrected.separation.tolist() == [True, False]
 
 
 def test_a_separation_of_zero_lets_agents_collide() -> None:
-    wanted = setpoint([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])
+    planned = setpoint([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])
     now = estimate(np.array([[0.0, 0.0, 1.0], [0.3, 0.0, 1.0]]))
     free = replace(scene(2), limits=Limits(speed=SPEED, separation=0.0))
-    sent, corrected = apply(SafetyFilter(free), now, wanted, wanted)
-    assert sent.velocity.tolist() == wanted.velocity.tolist()
+    sent, corrected = apply(SafetyFilter(free), now, planned, planned)
+    assert sent.velocity.tolist() == planned.velocity.tolist()
     assert unchanged(corrected)
 
 
@@ -248,18 +248,18 @@ def test_two_in_one_place_part_along_x_or_not_at_all() -> None:
 
 
 def test_what_the_avoider_leaves_out_brakes() -> None:
-    wanted = setpoint([[0.5, 0.0, 0.0], [0.5, 0.0, 0.0]])
+    planned = setpoint([[0.5, 0.0, 0.0], [0.5, 0.0, 0.0]])
     safe = setpoint([[0.5, 0.0, 0.0], [math.nan] * 3], [True, False])
     now = estimate(np.array([[0.0, 0.0, 1.0], [2.0, 0.0, 1.0]]))
-    sent, _ = apply(SafetyFilter(scene(2)), now, safe, wanted)
+    sent, _ = apply(SafetyFilter(scene(2)), now, safe, planned)
     assert sent.active.all()
     assert sent.velocity.tolist() == [[0.5, 0.0, 0.0], [0.0, 0.0, 0.0]]
 
 
 def test_inactive_rows_are_never_sent() -> None:
-    wanted = setpoint([[0.5, 0.0, 0.0]], [False])
+    planned = setpoint([[0.5, 0.0, 0.0]], [False])
     sent, corrected = apply(
-        SafetyFilter(scene(1)), estimate(np.array([[9.0, 0.0, 1.0]])), wanted, wanted
+        SafetyFilter(scene(1)), estimate(np.array([[9.0, 0.0, 1.0]])), planned, planned
     )
     assert not sent.active.any()
     assert unchanged(corrected)
@@ -305,8 +305,8 @@ def approach(distance: float, std: float, margin: float) -> float:
     guard = SafetyFilter(replace(room, limits=replace(room.limits, uncertainty_margin=margin)))
     now = estimate(np.array([[0.0, 0.0, 1.0], [distance, 0.0, 1.0]]))
     now = replace(now, covariance=np.tile(np.diag([std**2, std**2, 0.0]), (2, 1, 1)))
-    wanted = setpoint([[SPEED, 0, 0], [-SPEED, 0, 0]])
-    sent, _ = apply(guard, now, wanted, wanted)
+    planned = setpoint([[SPEED, 0, 0], [-SPEED, 0, 0]])
+    sent, _ = apply(guard, now, planned, planned)
     return float(sent.velocity[0, 0] - sent.velocity[1, 0])
 
 
@@ -339,8 +339,8 @@ def sent_beside(
     guard = SafetyFilter(replace(room, world=World("room", FENCE, obstacles), limits=limits))
     now = estimate(np.array([position], float))
     now = replace(now, covariance=np.diag([std**2, std**2, 0.0])[None])
-    wanted = setpoint([velocity])
-    sent, corrected = apply(guard, now, wanted, wanted)
+    planned = setpoint([velocity])
+    sent, corrected = apply(guard, now, planned, planned)
     return sent.velocity[0], corrected
 
 
@@ -399,8 +399,8 @@ def test_agents_that_part_vertically_keep_below_obstacles(obstacles: tuple[Obsta
     room = scene(2)
     guard = SafetyFilter(replace(room, world=World("room", FENCE, obstacles)))
     now = estimate(np.array([[0.4, 0, 0.9], [0.4, 0, 1.3]]))  # above each other, too near
-    wanted = setpoint(np.zeros((2, 3)))
-    sent, _ = apply(guard, now, wanted, wanted)
+    planned = setpoint(np.zeros((2, 3)))
+    sent, _ = apply(guard, now, planned, planned)
     assert (sent.velocity[1, 2] > 0.05) == (not obstacles)
     assert sent.velocity[0, 2] < -0.05
 

@@ -37,14 +37,14 @@ def judged(
     schema = load("mission")
     filled = fill_defaults(rules, schema["properties"]["safety"], schema["$defs"])
     watch = Rules(scene(2), filled)
-    here = np.array([[0.0, 0, 1], [1.0, 0, 1]])
+    home = np.array([[0.0, 0, 1], [1.0, 0, 1]])
     fired = []
     for k in range(round(seconds / 0.1) + 1):
-        time, well, where = k / 10, estimate(here, time=k / 10), health(2)
+        time, well, where = k / 10, estimate(home, time=k / 10), health(2)
         if time >= 1.0 - 1e-9:
             well = replace(well, valid=np.array([valid, True]))
             if position is not None:
-                well = replace(well, position=np.stack([position, here[1]]))
+                well = replace(well, position=np.stack([position, home[1]]))
             for name, new in changes.items():
                 where = replace(where, **{name: np.array([new, getattr(where, name)[1]])})
         none = np.zeros(2, np.bool_)

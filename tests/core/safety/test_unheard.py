@@ -106,14 +106,14 @@ def test_the_velocity_is_the_last_one_that_was_reported() -> None:
 def test_possible_positions_cover_the_stretch_and_are_inactive() -> None:
     now = marked(VELOCITY, HEARD, UNHEARD)
     every = np.ones(2, np.bool_)
-    wanted = Setpoint(VELOCITY, np.zeros(2), every)
-    seen, extended = with_possible_positions(now, wanted, spacing=0.2)
-    added = seen.position[2:]
+    planned = Setpoint(VELOCITY, np.zeros(2), every)
+    estimates, extended = with_possible_positions(now, planned, spacing=0.2)
+    added = estimates.position[2:]
     assert added[-1] == pytest.approx(WATCHDOG_TIME * VELOCITY[1])
     steps = np.diff(np.vstack([now.position[1], added]), axis=0)
     assert np.linalg.norm(steps, axis=1).max() <= 0.2
     assert extended.active.tolist() == [True, True] + [False] * len(added)
-    assert not seen.velocity[2:].any()
+    assert not estimates.velocity[2:].any()
 
 
 def test_unheard_agents_count_as_down_after_landing_or_falling() -> None:
@@ -127,8 +127,8 @@ def test_unheard_agents_count_as_down_after_landing_or_falling() -> None:
     def heights(time: float) -> list[float]:
         now = estimate(np.tile([0.0, 0.0, 0.7], (4, 1)), time=time)
         taken_over = every == 1
-        seen = mark(tracker, now, 0 * ages, every >= 0, taken_over)
-        assert seen.position[:, 2].tolist() == [0.7] * 4
+        fresh = mark(tracker, now, 0 * ages, every >= 0, taken_over)
+        assert fresh.position[:, 2].tolist() == [0.7] * 4
         return [float(z) for z in mark(tracker, now, ages, every >= 0).position[:, 2]]
 
     assert heights(2.9) == [0.7, 0.7, 0.7, 0.7]
@@ -143,7 +143,7 @@ def test_setpoints_keep_an_agent_in_the_air() -> None:
     for time in (1.0, 2.0):
         tracker.steered(time, np.array([True]))
     now = [estimate(np.ones((1, 3)), time=time + fallen) for time in (1.0, 2.0)]
-    assert [mark(tracker, one, np.array([UNHEARD]), ONE).position[0, 2] for one in now] == [
+    assert [mark(tracker, moment, np.array([UNHEARD]), ONE).position[0, 2] for moment in now] == [
         1.0,
         DOWN,
     ]
@@ -184,9 +184,9 @@ def column(
     now = estimate(np.array([[1.0, 2.0, LAST]]), velocity=np.array([[0.0, 0.0, 0.5]]), time=time)
     announced = None if lands_by is None else np.array([lands_by])
     mark(tracker, now, np.array([HEARD]), ONE)
-    seen = mark(tracker, now, np.array([UNHEARD]), ONE, np.array([taken_over]), announced)
-    assert seen.position[0, :2].tolist() == [1.0, 2.0]
-    ends = [float(seen.position[0, 2]), float((seen.position + seen.possible_travel)[0, 2])]
+    stale = mark(tracker, now, np.array([UNHEARD]), ONE, np.array([taken_over]), announced)
+    assert stale.position[0, :2].tolist() == [1.0, 2.0]
+    ends = [float(stale.position[0, 2]), float((stale.position + stale.possible_travel)[0, 2])]
     return max(ends), min(ends)
 
 
@@ -302,9 +302,9 @@ def crossed(avoider: str, start: Array, goal: Array, *, stopped: bool) -> float:
         now = replace(mark(tracker, now, np.array([0.0, 0.6 + time]), BOTH), valid=FIRST)
         way = goal - position[0]
         wish = way * speed / max(np.linalg.norm(way), speed)
-        wanted = Setpoint(np.array([wish, np.zeros(3)]), np.zeros(2), FIRST)
+        planned = Setpoint(np.array([wish, np.zeros(3)]), np.zeros(2), FIRST)
         sent, _ = guard.filter(
-            now, made.avoid(now, wanted), wanted, Pairs.of(now.position, guard.reach)
+            now, made.avoid(now, planned), planned, Pairs.of(now.position, guard.reach)
         )
         velocity = velocity + PERIOD / 0.3 * (sent.velocity[0] - velocity)  # lag of first order
         position[0] = position[0] + PERIOD * velocity

@@ -33,8 +33,8 @@ def test_the_magnification_is_how_much_pixels_move_with_rays(u: float, v: float)
     ray = LENS.undistort(np.array([u, v]))
     step = 1e-5
     ahead = [LENS.project(np.append(ray + d, 1.0)) for d in step * np.eye(2)]
-    here = LENS.project(np.append(ray, 1.0))
-    stretched = np.linalg.det(np.stack([(p - here) / step for p in ahead]))
+    pixel = LENS.project(np.append(ray, 1.0))
+    stretched = np.linalg.det(np.stack([(p - pixel) / step for p in ahead]))
     assert LENS.magnification(ray) == pytest.approx(math.sqrt(stretched), rel=0.02)
 
 

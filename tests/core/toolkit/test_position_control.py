@@ -26,7 +26,7 @@ def goal(x: float, z: float, *, moves: float = 0.0) -> Goals:
 def velocities(goals: Goals, *positions: Array) -> Array:
     """The velocity of one agent at each of some positions, one after the other."""
     control = PositionController(scene(1), gain=1.0, yaw_rate_deg=90.0)
-    return np.array([control.velocity(estimate(one), goals)[0] for one in positions])
+    return np.array([control.velocity(estimate(position), goals)[0] for position in positions])
 
 
 def test_agents_below_their_line_climb_back_to_it() -> None:
@@ -80,6 +80,6 @@ def test_agents_do_not_brake_for_intermediate_points() -> None:
         speed=np.full(2, 0.5),
         active=np.ones(2, np.bool_),
     )
-    here = estimate(np.array([[0.0, 0, 1], [0, 0, 1]]))
-    velocity = homing.velocity(here, near, beyond=np.array([0.0, 2.0]))
+    now = estimate(np.array([[0.0, 0, 1], [0, 0, 1]]))
+    velocity = homing.velocity(now, near, beyond=np.array([0.0, 2.0]))
     assert velocity[:, 0] == pytest.approx([0.1, 0.5])

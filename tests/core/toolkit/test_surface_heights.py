@@ -67,10 +67,10 @@ def flown(scene: Scene, surface: dict[float, float], *, only_mapped: bool = Fals
             pitch=np.zeros(n),
             height=np.array(heights),
         )
-        found = follower.correct(replace(report, odometry=samples), position, COVARIANCE)
-        corrected = float(found.telemetry.position[0, 2])
-        rows.append((along, corrected, float(found.offset[0]), float(found.variance[0])))
-        messages += found.messages
+        correction = follower.correct(replace(report, odometry=samples), position, COVARIANCE)
+        corrected = float(correction.telemetry.position[0, 2])
+        rows.append((along, corrected, float(correction.offset[0]), float(correction.variance[0])))
+        messages += correction.messages
     x, height, offset, variance = np.array(rows).T
     return Flown(x, height, offset, variance, messages)
 

@@ -39,8 +39,8 @@ def worst_velocity_error(*, leads: bool, integral: float = 0.0) -> float:
     for i in range(int(12 / STEP)):
         point, velocity, acceleration = reference(i * STEP)
         if i % round(PERIOD / STEP) == 0:
-            wanted = setpoint(velocity, point, acceleration if leads else None)
-            sent = lead.velocity(wanted)[0, 0]
+            desired = setpoint(velocity, point, acceleration if leads else None)
+            sent = lead.velocity(desired)[0, 0]
         summed += STEP * (sent - speed)
         command = VELOCITY_GAIN * (sent - speed) + integral * summed
         tilt += STEP / TILT_LAG * (command - tilt)
@@ -60,12 +60,12 @@ def test_velocities_without_a_trajectory_are_sent_unchanged() -> None:
     lead = VelocityLead(2, PERIOD)
     velocity = np.array([[0.3, 0, 0], [0.2, 0, 0]])
     unknown = np.full((2, 3), np.nan)
-    known = np.array([[1.0, 0, 0], [np.nan] * 3])
+    partial = np.array([[1.0, 0, 0], [np.nan] * 3])
     both = np.ones(2, np.bool_)
     assert lead.velocity(Setpoint(velocity, np.zeros(2), both)) is not None
     sent = lead.velocity(Setpoint(velocity, np.zeros(2), both, unknown, unknown))
     assert sent.tolist() == velocity.tolist()
-    sent = lead.velocity(Setpoint(velocity, np.zeros(2), both, known, known))
+    sent = lead.velocity(Setpoint(velocity, np.zeros(2), both, partial, partial))
     assert sent[0, 0] > 0.3
     assert sent[1].tolist() == velocity[1].tolist()
 
@@ -79,9 +79,9 @@ def test_agents_that_misjudge_their_velocity_are_led_back(scale: float) -> None:
         point, velocity, _ = reference(i * PERIOD)
         goals = Goals(point, velocity, np.zeros(1), np.ones(1), np.ones(1, np.bool_))
         now = replace(estimate(position), velocity=flown / scale)
-        wanted = tracking.velocity(now, goals, np.ones(1, np.bool_))
+        command = tracking.velocity(now, goals, np.ones(1, np.bool_))
         errors.append(float(np.linalg.norm(point - position)))
-        flown = scale * wanted
+        flown = scale * command
         position = position + PERIOD * flown
     left = max(errors[50:])
     assert left < 0.8 * abs(1 / scale - 1) * 0.5 * RATE / TRACKING_GAIN

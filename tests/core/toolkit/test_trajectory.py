@@ -14,10 +14,10 @@ coefficients = arrays(np.float64, (4, 8), elements=st.floats(-2, 2, allow_subnor
 
 @given(coefficients, st.floats(-2, 2))
 def test_a_piece_is_evaluated_as_numpy_does(piece: Array, time: float) -> None:
-    for axis, *found in zip(piece, *polynomial(piece.T, time), strict=True):
-        one = np.polynomial.Polynomial(axis)
-        expected = [one(time), one.deriv()(time), one.deriv(2)(time)]
-        assert found == pytest.approx(expected, rel=1e-9, abs=1e-9)
+    for axis, *derivatives in zip(piece, *polynomial(piece.T, time), strict=True):
+        reference = np.polynomial.Polynomial(axis)
+        expected = [reference(time), reference.deriv()(time), reference.deriv(2)(time)]
+        assert derivatives == pytest.approx(expected, rel=1e-9, abs=1e-9)
         assert polynomial(axis.tolist(), time) == pytest.approx(expected, rel=1e-9, abs=1e-9)
 
 
