@@ -166,7 +166,9 @@ def test_tenfold_speeds_are_limited_before_they_are_sent(lab: Lab, role: str) ->
 
     lab.spoil(role, METHODS[role], tenfold)
     lab.fly(STEPS)
-    fastest = max(np.linalg.norm(one.velocity, axis=1).max() for _, one in lab.robots.sent)
+    fastest = max(
+        np.linalg.norm(setpoint.velocity, axis=1).max() for _, setpoint in lab.robots.sent
+    )
     assert fastest <= star.Limits().speed + 1e-9
     assert down(lab)
 
@@ -296,9 +298,11 @@ def test_in_real_time_the_agents_hover_while_a_plugin_hangs(
     lab.spoil("planner", "plan", waits, IN_FLIGHT["planner"])
     assert "PluginTimeout" in lab.fly(STEPS)["reason"]
     times = [at for at, _ in lab.robots.sent]
-    braked = [one for at, one in lab.robots.sent if times.count(at) > 1 and at == times[-1]][1:]
+    braked = [
+        setpoint for at, setpoint in lab.robots.sent if times.count(at) > 1 and at == times[-1]
+    ][1:]
     assert len(braked) >= 2
-    assert all(one.active.all() and not one.velocity.any() for one in braked)
+    assert all(setpoint.active.all() and not setpoint.velocity.any() for setpoint in braked)
     assert down(lab)
 
 

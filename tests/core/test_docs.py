@@ -32,10 +32,10 @@ def test_the_table_of_hooks_has_every_hook_with_its_arguments() -> None:
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_attributes_that_a_page_names_exist(page: Path) -> None:
     named = re.findall(r"\b(\w+)\.(\w+)", " ".join(re.findall(r"`([^`\n]+)`", page.read_text())))
-    known = [(getattr(star_core, owner), name) for owner, name in named if owner in CLASSES]
+    attributes = [(getattr(star_core, owner), name) for owner, name in named if owner in CLASSES]
     missing = [
         f"{owner.__name__}.{name}"
-        for owner, name in known
+        for owner, name in attributes
         if not hasattr(owner, name)
         and name not in getattr(owner, "__annotations__", ())
         and f"``{name}(" not in str(owner.__doc__)  # a method that a plugin need not have

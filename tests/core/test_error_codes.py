@@ -45,25 +45,34 @@ def codes(tree: ast.AST) -> Iterator[str]:
             name = function.attr if isinstance(function, ast.Attribute) else ""
             name = function.id if isinstance(function, ast.Name) else name
             at = CODE_ARGUMENT.get(name)
-            values += [one.value for one in node.keywords if one.arg == "code"]
+            values += [keyword.value for keyword in node.keywords if keyword.arg == "code"]
             values += node.args[at : at + 1] if at is not None else []
         elif isinstance(node, ast.ClassDef | ast.Module):
-            for one in node.body:
-                if isinstance(one, ast.Assign | ast.AnnAssign) and one.value is not None:
-                    targets = one.targets if isinstance(one, ast.Assign) else [one.target]
+            for statement in node.body:
+                if (
+                    isinstance(statement, ast.Assign | ast.AnnAssign)
+                    and statement.value is not None
+                ):
+                    targets = (
+                        statement.targets
+                        if isinstance(statement, ast.Assign)
+                        else [statement.target]
+                    )
                     named = {target.id for target in targets if isinstance(target, ast.Name)}
-                    values += [one.value] if "code" in named else []
-                    mapped = one.value.values if isinstance(one.value, ast.Dict) else []
+                    values += [statement.value] if "code" in named else []
+                    mapped = statement.value.values if isinstance(statement.value, ast.Dict) else []
                     values += mapped if "CODES" in named else []
         elif isinstance(node, ast.FunctionDef):
             arguments = [*node.args.posonlyargs, *node.args.args][::-1]
             pairs = [*zip(arguments, node.args.defaults[::-1], strict=False)]
             pairs += [
-                (one, default)
-                for one, default in zip(node.args.kwonlyargs, node.args.kw_defaults, strict=True)
+                (argument, default)
+                for argument, default in zip(
+                    node.args.kwonlyargs, node.args.kw_defaults, strict=True
+                )
                 if default is not None
             ]
-            values += [default for one, default in pairs if one.arg == "code"]
+            values += [default for argument, default in pairs if argument.arg == "code"]
         for value in values:
             for inner in ast.walk(value):
                 if isinstance(inner, ast.Constant) and isinstance(inner.value, str) and inner.value:

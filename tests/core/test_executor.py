@@ -61,8 +61,8 @@ def test_takeoff_ends_at_rest_or_two_seconds_after_the_commander(
     lab.spoil("localizer", "locate", rising(speed))
     lab.fly()
     begun, ended = (
-        next(time for time, name, phase in lab.phases if (name, phase) == ("cf1", wanted))
-        for wanted in ("taking_off", "flying")
+        next(time for time, name, phase in lab.phases if (name, phase) == ("cf1", target))
+        for target in ("taking_off", "flying")
     )
     assert ended - begun == pytest.approx(flying, abs=0.11)
 
@@ -497,8 +497,10 @@ def test_feed_forward_velocities_hold_for_one_tick(lab: Lab) -> None:
 
     lab.spoil("wait", "step", once)
     lab.fly("\n  - climb: {}\n  - wait: {seconds: 1, timeout: 0.5}")
-    given = [(t.time, t.goals.velocity[0, 0]) for t in lab.ticks if t.doing.startswith("wait")]
-    assert [velocity for _, velocity in given] == [0.1 * (time < 1.25) for time, _ in given]
+    velocities = [(t.time, t.goals.velocity[0, 0]) for t in lab.ticks if t.doing.startswith("wait")]
+    assert [velocity for _, velocity in velocities] == [
+        0.1 * (time < 1.25) for time, _ in velocities
+    ]
 
 
 def test_an_agent_without_a_step_holds_its_place(lab: Lab) -> None:
@@ -567,8 +569,8 @@ def test_a_step_times_out_though_nothing_is_heard_of_anybody(lab: Lab) -> None:
 
 
 def test_unfinished_steps_of_a_failed_mission_are_aborted(lab: Lab) -> None:
-    one, other = "wait: {agents: cf1, seconds: 1, fails: tired}", "wait: {agents: cf2, seconds: 9}"
-    summary = lab.fly(f"\n  - climb: {{}}\n  - parallel:\n      - {one}\n      - {other}")
+    short, long = "wait: {agents: cf1, seconds: 1, fails: tired}", "wait: {agents: cf2, seconds: 9}"
+    summary = lab.fly(f"\n  - climb: {{}}\n  - parallel:\n      - {short}\n      - {long}")
     _, failed, aborted = summary["steps"]
     assert (failed["outcome"], aborted["outcome"]) == ("failure", "aborted")
     assert aborted["ended_s"] == failed["ended_s"]

@@ -44,8 +44,8 @@ def test_setpoints_on_trajectories_reach_the_transport(lab: Lab) -> None:
 
 @pytest.mark.parametrize("factor", [0.5, 0.0])
 def test_an_avoided_row_falls_back_to_its_velocity(lab: Lab, factor: float) -> None:
-    def slower(_right: Callable[..., Setpoint], _now: Estimate, wanted: Setpoint) -> Setpoint:
-        return replace(wanted, velocity=factor * wanted.velocity)  # with its position
+    def slower(_right: Callable[..., Setpoint], _now: Estimate, planned: Setpoint) -> Setpoint:
+        return replace(planned, velocity=factor * planned.velocity)  # with its position
 
     lab.spoil("planner", "plan", along)
     lab.spoil("avoider", "avoid", slower)
@@ -54,8 +54,8 @@ def test_an_avoided_row_falls_back_to_its_velocity(lab: Lab, factor: float) -> N
 
 
 def test_avoiders_that_know_velocities_only_keep_trajectories(lab: Lab) -> None:
-    def bare(_right: Callable[..., Setpoint], _now: Estimate, wanted: Setpoint) -> Setpoint:
-        return Setpoint(wanted.velocity, wanted.yaw, wanted.active)
+    def bare(_right: Callable[..., Setpoint], _now: Estimate, planned: Setpoint) -> Setpoint:
+        return Setpoint(planned.velocity, planned.yaw, planned.active)
 
     lab.spoil("planner", "plan", along)
     lab.spoil("avoider", "avoid", bare)

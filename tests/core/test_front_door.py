@@ -20,16 +20,18 @@ SLOW = ("scipy.signal", "scipy.stats")  # half a second each
 
 def imported_after(statement: str) -> set[str]:
     """Return which heavy packages a fresh interpreter has imported after a statement."""
-    known = {*HEAVY, *DECKS, *SLOW}
-    ask = f"import sys\n{statement}\nprint(*sorted({known!r} & {{*sys.modules}}))"
+    heavy = {*HEAVY, *DECKS, *SLOW}
+    ask = f"import sys\n{statement}\nprint(*sorted({heavy!r} & {{*sys.modules}}))"
     answer = subprocess.run([sys.executable, "-c", ask], capture_output=True, text=True, check=True)
     return set(answer.stdout.splitlines()[-1].split())
 
 
 def test_every_name_resolves_and_a_class_is_called_that() -> None:
     packages = (star_core, star_core.toolkit, star_core.commands)
-    found = {name: getattr(package, name) for package in packages for name in package.__all__}
-    assert [n for n, one in found.items() if isinstance(one, type) and one.__name__ != n] == []
+    exports = {name: getattr(package, name) for package in packages for name in package.__all__}
+    assert [
+        n for n, export in exports.items() if isinstance(export, type) and export.__name__ != n
+    ] == []
 
 
 def test_everything_can_be_imported_at_once() -> None:

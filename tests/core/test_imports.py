@@ -110,7 +110,7 @@ def planted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], 
 
 
 @pytest.mark.parametrize(
-    ("statement", "found"),
+    ("statement", "violations"),
     [
         ("from star_core import Scene", []),
         ("from star_core.toolkit import compiled", []),
@@ -119,6 +119,6 @@ def planted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], 
     ],
 )
 def test_imports_of_names_and_of_modules_are_told_apart(
-    planted: Callable[[str], grimp.ImportGraph], statement: str, found: list[str]
+    planted: Callable[[str], grimp.ImportGraph], statement: str, violations: list[str]
 ) -> None:
-    assert [*forbidden(planted(statement))] == found
+    assert [*forbidden(planted(statement))] == violations

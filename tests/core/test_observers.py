@@ -120,34 +120,34 @@ def test_start_is_reported_first_and_end_last_once_each(lab: Lab) -> None:
 
 
 def test_nothing_has_moved_when_the_start_is_reported(lab: Lab) -> None:
-    seen: list[Any] = []
+    start_state: list[Any] = []
 
     class Early:
         @hookimpl
         def star_mission_started(self, flight: Flight) -> None:
-            seen.extend([flight.mission, lab.robots.commands + lab.robots.sent, lab.ticks])
+            start_state.extend([flight.mission, lab.robots.commands + lab.robots.sent, lab.ticks])
 
     watched(lab, Early())
     mission = lab.load()
     lab.fly()
-    assert seen[0] == mission.name
-    assert seen[1] == []
+    assert start_state[0] == mission.name
+    assert start_state[1] == []
 
 
 @pytest.mark.parametrize("broken", [None, "planner"])
 def test_end_is_reported_after_all_landed_and_links_closed(lab: Lab, broken: str | None) -> None:
-    seen: list[Any] = []
+    end_state: list[Any] = []
 
     class Last:
         @hookimpl
         def star_mission_ended(self) -> None:
-            seen.extend([lab.closed["transport"], lab.went("cf1")[-1], lab.went(None)[-1]])
+            end_state.extend([lab.closed["transport"], lab.went("cf1")[-1], lab.went(None)[-1]])
 
     if broken:
         lab.spoil(broken, "plan", RuntimeError("boom"), range(20, 10**6))
     watched(lab, Last())
     lab.fly()
-    assert seen == [1, "landed", "failed" if broken else "completed"]
+    assert end_state == [1, "landed", "failed" if broken else "completed"]
 
 
 def test_every_event_is_reported_in_order_and_is_in_the_summary(lab: Lab) -> None:

@@ -110,12 +110,12 @@ def test_a_setpoint_lasts_one_tick_then_agents_hold(flight: OpenFlight) -> None:
 def test_full_states_of_a_program_are_sent_and_bounded(flight: OpenFlight) -> None:
     position = flight.tick.estimate.position
     for lead, follows in ((0.1, True), (0.5, False)):
-        wanted = replace(
+        full_state = replace(
             setpoint([0.3, 0, 0], [0, 0, 0], active=[True, False]),
             position=position + np.array([lead, 0, 0]),
             acceleration=np.zeros((2, 3)),
         )
-        flight.set_setpoint(wanted)
+        flight.set_setpoint(full_state)
         assert flight.step().sent.followed().tolist() == [follows, False]
 
 

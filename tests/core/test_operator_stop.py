@@ -165,12 +165,12 @@ def in_the_air(mission: Path) -> Iterator[subprocess.Popen[str]]:
 def read_until(flight: subprocess.Popen[str], text: str) -> None:
     """Wait for a line on standard error that holds a text."""
     assert flight.stderr is not None
-    seen = []
+    lines = []
     for line in flight.stderr:
-        seen.append(line)
+        lines.append(line)
         if text in line:
             return
-    pytest.fail(f"{text!r} is not in {seen!r}")
+    pytest.fail(f"{text!r} is not in {lines!r}")
 
 
 def test_ctrl_c_lands_all_agents_and_reports_it(missions: Path) -> None:

@@ -71,9 +71,11 @@ def test_a_trigger_leads_an_agent_as_in_the_table_or_nowhere(
 ) -> None:
     phases = agent_in(phase)
     phases.fire(trigger, [0])
-    there = LEADS.get((trigger, phase), phase)
-    assert phases.of_agents().tolist() == [there]
-    assert list(phases.changes()) == ([] if there is phase else [("cf1", there.name.lower())])
+    next_phase = LEADS.get((trigger, phase), phase)
+    assert phases.of_agents().tolist() == [next_phase]
+    assert list(phases.changes()) == (
+        [] if next_phase is phase else [("cf1", next_phase.name.lower())]
+    )
 
 
 @pytest.mark.parametrize("phase", MissionPhase)
@@ -86,9 +88,9 @@ def test_a_trigger_leads_the_mission_as_in_the_table_or_nowhere(
         phases.fire_mission(way)
     list(phases.changes())
     phases.fire_mission(trigger)
-    there = MISSION_LEADS.get((trigger, phase), phase)
-    assert phases.mission is there
-    assert list(phases.changes()) == ([] if there is phase else [(None, str(there))])
+    next_phase = MISSION_LEADS.get((trigger, phase), phase)
+    assert phases.mission is next_phase
+    assert list(phases.changes()) == ([] if next_phase is phase else [(None, str(next_phase))])
 
 
 def observed(

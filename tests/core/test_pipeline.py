@@ -142,8 +142,8 @@ def goals(n: int, *, active: tuple[bool, ...], speed: float = 0.5) -> Goals:
 
 def ordering(order: Any = Order.GOTO, duration: float = 1.0, x: float = 0.0) -> TaskOutput:
     """A step that orders the first agent to go somewhere."""
-    one = np.ones(1)
-    return TaskOutput(commands=(Command(order, ROW, np.full((1, 3), x), one, one * duration),))
+    ones = np.ones(1)
+    return TaskOutput(commands=(Command(order, ROW, np.full((1, 3), x), ones, ones * duration),))
 
 
 def answered(value: object) -> Wrong:
@@ -231,15 +231,15 @@ def test_plugins_with_wrong_signatures_are_reported_with_line(hop: Path) -> None
             fly(load(hop / "hop.yaml", registry, ["avoider=odd"]), registry)
         return str(caught.value)
 
-    whose, here = "avoider 'odd' (their-dist 1.2:odd)", f"({__file__}:"
+    whose, place = "avoider 'odd' (their-dist 1.2:odd)", f"({__file__}:"
     assert of(lambda scene, gain: (scene, gain)).startswith(
         f"{whose}: make(scene, gain) cannot be called as make(scene): missing a required argument: "
-        f"'gain' {here}"
+        f"'gain' {place}"
     )
     short = SimpleNamespace(avoid=lambda estimate: estimate)
     assert of(lambda _scene: short).startswith(
         f"{whose}: avoid(estimate) cannot be called as avoid(estimate, planned): too many "
-        f"positional arguments {here}"
+        f"positional arguments {place}"
     )
 
 
@@ -277,7 +277,7 @@ def test_plugins_failing_to_close_are_reported_and_others_closed(
 
 def test_avoiders_may_note_the_goals_of_each_tick(lab: Lab) -> None:
     noted: list[Goals] = []
-    watcher = SimpleNamespace(avoid=lambda _, wanted: wanted, note_goals=noted.append)
+    watcher = SimpleNamespace(avoid=lambda _, planned: planned, note_goals=noted.append)
     lab.spoil("avoider", "make", lambda *_: watcher)
     lab.fly()
     steered = [tick.goals for tick in lab.ticks if tick.goals.active.any()]
@@ -299,8 +299,8 @@ def test_messages_of_a_localizer_are_events_once(lab: Lab) -> None:
 
 @pytest.mark.parametrize(("row", "fails"), [(UNLABELLED, False), (1, False), (2, True), (-2, True)])
 def test_fixes_are_of_agents_or_of_none(lab: Lab, *, row: int, fails: bool) -> None:
-    one, nowhere = np.ones(1), np.zeros((1, 3))
-    fixes = PoseFixes(np.array([row]), one, one, nowhere, np.zeros((1, 4)), one, one, one)
+    ones, nowhere = np.ones(1), np.zeros((1, 3))
+    fixes = PoseFixes(np.array([row]), ones, ones, nowhere, np.zeros((1, 4)), ones, ones, ones)
     lab.spoil("transport", "receive", change(fixes=fixes), FLYING)
     reason = lab.fly()["reason"]
     assert ("Telemetry.fixes.agent is" in reason) is fails
@@ -349,9 +349,9 @@ def test_every_task_is_made_before_anything_moves(lab: Lab, around: str) -> None
 
 
 def corrections(position: float, agent: int = 1) -> Corrections:
-    one = np.array([0.1])
+    deviation = np.array([0.1])
     attitude = np.array([[0.0, 0.0, 0.0, 1.0]])
-    return Corrections(np.array([agent]), np.full((1, 3), position), attitude, one, one)
+    return Corrections(np.array([agent]), np.full((1, 3), position), attitude, deviation, deviation)
 
 
 def test_localizer_corrections_reach_the_transport(lab: Lab) -> None:

@@ -22,11 +22,11 @@ def blamed(error: BaseException) -> PluginError:
 def test_the_place_is_that_of_the_innermost_call() -> None:
     with pytest.raises(PluginError) as caught, PluginGuard(PLUGIN):
         int("three", base=99)  # raised in C: the line here is the innermost there is
-    here = caught.value.__cause__
-    assert here is not None
-    assert here.__traceback__ is not None
+    cause = caught.value.__cause__
+    assert cause is not None
+    assert cause.__traceback__ is not None
     assert str(caught.value).endswith(
-        f"({__file__}:{here.__traceback__.tb_lineno}) [plugin-failed]"
+        f"({__file__}:{cause.__traceback__.tb_lineno}) [plugin-failed]"
     )
 
 

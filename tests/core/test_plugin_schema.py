@@ -63,10 +63,10 @@ def _id(part: str | Found) -> str:
     return part if isinstance(part, str) else part.offer.name
 
 
-@pytest.mark.parametrize(("kind", "found"), list(Registry()), ids=_id)
-def test_what_star_offers_itself_is_sound(kind: str, found: Found) -> None:
-    assert sound(kind, found.offer) == found.offer
-    for option in getattr(found.offer, "options", {}).get("properties", {}).values():
+@pytest.mark.parametrize(("kind", "plugin"), list(Registry()), ids=_id)
+def test_what_star_offers_itself_is_sound(kind: str, plugin: Found) -> None:
+    assert sound(kind, plugin.offer) == plugin.offer
+    for option in getattr(plugin.offer, "options", {}).get("properties", {}).values():
         assert option["description"]
         optional = "default" in option or "Needed with" in option["description"]
         assert kind in {"task", "transport", "mocap_source"} or optional
@@ -88,18 +88,18 @@ def test_a_plugin_with_an_unsound_offer_is_left_out_whole() -> None:
 
 
 @pytest.mark.parametrize(
-    ("given", "expected"),
+    ("options", "expected"),
     [
         ({}, (("host", None), ("port", 7))),
         ({"host": "here", "port": 8}, (("host", "here"), ("port", 8))),
         ({"port": 8, "planner": "orbit"}, ()),
     ],
 )
-def test_a_step_holds_what_its_options_identify(given: dict[str, Any], expected: Any) -> None:
+def test_a_step_holds_what_its_options_identify(options: dict[str, Any], expected: Any) -> None:
     exclusive = Exclusive(options=("host", "port"), unless="planner", timeout=5.0)
     verb = replace(offer("x", {"host": {}, "port": {"default": 7}}), exclusive=exclusive)
-    assert held(verb, given) == expected
-    assert held(offer("x"), given) == ()
+    assert held(verb, options) == expected
+    assert held(offer("x"), options) == ()
 
 
 def test_absent_options_get_the_defaults_of_the_schema() -> None:
@@ -114,10 +114,10 @@ def test_absent_options_get_the_defaults_of_the_schema() -> None:
 
 @pytest.mark.usefixtures("hop")
 def test_a_plugin_is_made_with_the_defaults_of_its_schema() -> None:
-    given: dict[str, Any] = {}
+    arguments: dict[str, Any] = {}
 
     def make(_scene: Scene, **options: Any) -> Any:
-        given.update(options)
+        arguments.update(options)
 
     class Theirs:
         @hookimpl
@@ -128,4 +128,4 @@ def test_a_plugin_is_made_with_the_defaults_of_its_schema() -> None:
     registry = Registry(Theirs())
     with pytest.raises(PluginError, match="theirs"):
         fly(load_mission("hop.yaml", registry, ["avoider=theirs"]), registry)
-    assert given == {"gap": 2}
+    assert arguments == {"gap": 2}

@@ -75,8 +75,8 @@ def test_installed_plugins_have_their_distribution_and_version(
     install: Callable[[str, str], None],
 ) -> None:
     install("good_star", GOOD)
-    found = Registry().find("planner", "theirs")
-    assert str(found.source) == "good_star-dist 1.0:good_star"
+    plugin = Registry().find("planner", "theirs")
+    assert str(plugin.source) == "good_star-dist 1.0:good_star"
 
 
 @pytest.mark.parametrize(
@@ -196,7 +196,7 @@ def test_one_name_may_stand_for_several_kinds(registry: Registry) -> None:
             yield AvoiderSpec(name="stay", summary="Stays.", make=NEVER_MADE)
 
     registry.add(Both("stay"), Source("my-dist:both"))
-    assert [kind for kind, found in registry if found.offer.name == "stay"] == [
+    assert [kind for kind, plugin in registry if plugin.offer.name == "stay"] == [
         "planner",
         "avoider",
     ]
@@ -222,7 +222,7 @@ def test_an_unknown_name_is_answered_with_a_hint(
 def test_every_offer_is_listed_those_of_one_name_too(registry: Registry) -> None:
     registry.add(Planners("stay", "go"), Source("a:a"))
     registry.add(Planners("stay"), Source("b:b"))
-    listed = [(kind, found.offer.name, str(found.source)) for kind, found in registry]
+    listed = [(kind, plugin.offer.name, str(plugin.source)) for kind, plugin in registry]
     assert listed == [
         ("planner", "go", "a:a"),
         ("planner", "stay", "a:a"),
@@ -289,12 +289,12 @@ class Hiding:
 
     def __init__(self, *hidden: str, error: BaseException | None = None) -> None:
         self._hidden, self._error = hidden, error
-        self.seen: list[list[str]] = []
+        self.names: list[list[str]] = []
 
     @hookimpl(wrapper=True)
     def star_planners(self) -> Generator[None, Any, Any]:
         results = yield
-        self.seen.append([spec.name for specs in results for spec in specs])
+        self.names.append([spec.name for specs in results for spec in specs])
         if self._error and results:
             raise self._error
         return [[spec for spec in specs if spec.name not in self._hidden] for specs in results]
@@ -311,7 +311,7 @@ def test_a_wrapper_receives_the_records_of_every_plugin(registry: Registry, firs
         registry.add(hiding, Source("my-dist:hiding"))
     assert registry.names("planner") == ("come", "go")
     assert str(registry.find("planner", "go").source) == "a:a"
-    assert hiding.seen[-1] == ["come", "stay", "go"]  # last registered, first called
+    assert hiding.names[-1] == ["come", "stay", "go"]  # last registered, first called
 
 
 def test_tryfirst_and_trylast_order_what_a_wrapper_receives(registry: Registry) -> None:
@@ -328,7 +328,7 @@ def test_tryfirst_and_trylast_order_what_a_wrapper_receives(registry: Registry) 
     hiding = Hiding()
     for plugin in (First(), Planners("any"), Last(), hiding):
         registry.add(plugin, Source(f"my-dist:{type(plugin).__name__}"))
-    assert hiding.seen[-1] == ["first", "any", "last"]
+    assert hiding.names[-1] == ["first", "any", "last"]
 
 
 def test_what_a_wrapper_adds_is_attributed_to_its_plugin(registry: Registry) -> None:
@@ -339,7 +339,7 @@ def test_what_a_wrapper_adds_is_attributed_to_its_plugin(registry: Registry) -> 
 
     registry.add(Planners("stay"), Source("a:a"))
     registry.add(Adding(), Source("my-dist:adding"))
-    sources = {found.offer.name: str(found.source) for _, found in registry}
+    sources = {plugin.offer.name: str(plugin.source) for _, plugin in registry}
     assert sources == {"stay": "a:a", "mine": "my-dist:adding"}
 
 

@@ -143,7 +143,7 @@ def test_agents_that_a_mission_leaves_in_the_air_are_landed(lab: Lab) -> None:
 LANDING = MIN_LAND_TIME + MIN_LAND_TIME_PER_HEIGHT  # s, from 1 m
 
 
-def seen(height: float, climb: float) -> Callable[..., Estimate]:
+def second_agent_at(height: float, climb: float) -> Callable[..., Estimate]:
     """Put the second agent at a height, m, and let it climb, m/s, once it has taken off."""
 
     def wrong(right: Callable[..., Estimate], telemetry: Telemetry) -> Estimate:
@@ -159,7 +159,7 @@ def seen(height: float, climb: float) -> Callable[..., Estimate]:
 def test_a_landing_from_low_down_is_given_time(lab: Lab, height: float) -> None:
     low = heard(lambda now: {"position": [now.position[0], [*now.position[1, :2], height]]})
     lab.spoil("transport", "receive", low, FLYING)
-    lab.spoil("localizer", "locate", seen(height, 0.0), FLYING)
+    lab.spoil("localizer", "locate", second_agent_at(height, 0.0), FLYING)
     lab.fly(IN_THE_AIR)
     landings = [c for _, c in lab.robots.commands if c.order is Order.LAND and 1 in c.agent]
     slow = MIN_LAND_TIME + MIN_LAND_TIME_PER_HEIGHT * height
@@ -168,7 +168,7 @@ def test_a_landing_from_low_down_is_given_time(lab: Lab, height: float) -> None:
 
 def test_landings_during_a_climb_are_timed_from_planned_height(lab: Lab) -> None:
     lab.spoil("planner", "plan", BOOM, FLYING)  # the landing does not wait for it to be at rest
-    lab.spoil("localizer", "locate", seen(1.0, 0.6), FLYING)
+    lab.spoil("localizer", "locate", second_agent_at(1.0, 0.6), FLYING)
     lab.fly(IN_THE_AIR)
     (landing,) = (c for _, c in lab.robots.commands if c.order is Order.LAND)
     assert landing.duration[1] == pytest.approx(
@@ -490,7 +490,9 @@ def only_first(plan: Plan) -> Plan:
 
 
 def test_flying_agents_omitted_by_the_avoider_are_braked(lab: Lab) -> None:
-    lab.spoil("avoider", "avoid", lambda _right, _now, wanted: replace(wanted, active=[False] * 2))
+    lab.spoil(
+        "avoider", "avoid", lambda _right, _now, planned: replace(planned, active=[False] * 2)
+    )
     lab.fly(IN_THE_AIR)
     assert any(sent.active.all() for _, sent in lab.robots.sent)
     assert not any(sent.velocity.any() for _, sent in lab.robots.sent)
@@ -498,7 +500,7 @@ def test_flying_agents_omitted_by_the_avoider_are_braked(lab: Lab) -> None:
 
 def test_excessive_avoider_velocities_are_scaled(lab: Lab) -> None:
     lab.spoil(
-        "avoider", "avoid", lambda _r, _now, wanted: replace(wanted, velocity=[[3, 0, 4]] * 2)
+        "avoider", "avoid", lambda _r, _now, planned: replace(planned, velocity=[[3, 0, 4]] * 2)
     )
     lab.fly(IN_THE_AIR)
     sent = next(sent for _, sent in lab.robots.sent if sent.active.all())
@@ -506,8 +508,8 @@ def test_excessive_avoider_velocities_are_scaled(lab: Lab) -> None:
 
 
 def test_what_the_core_corrects_is_reported_once_and_counted(lab: Lab) -> None:
-    def rush(avoid: Any, estimate: Estimate, wanted: Setpoint) -> Setpoint:
-        answer: Setpoint = avoid(estimate, wanted)
+    def rush(avoid: Any, estimate: Estimate, planned: Setpoint) -> Setpoint:
+        answer: Setpoint = avoid(estimate, planned)
         return replace(answer, velocity=answer.velocity + np.array([3.0, 0.0, 0.0]))
 
     lab.spoil("avoider", "avoid", rush)

@@ -54,5 +54,5 @@ def test_a_link_inside_the_folder_is_followed(missions: Path) -> None:
 
 def test_limits_in_python_are_those_of_a_mission_without_limits() -> None:
     limits = schema.load("mission")["properties"]["limits"]
-    given = fill_defaults({}, limits)
-    assert Limits(**given | {"height": tuple(given["height"])}) == Limits()
+    defaults = fill_defaults({}, limits)
+    assert Limits(**defaults | {"height": tuple(defaults["height"])}) == Limits()

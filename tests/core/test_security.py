@@ -85,17 +85,17 @@ def test_records_are_not_unpickled(hop: Path) -> None:
 
 
 def test_only_pipes_carry_pickles() -> None:
-    found = set()
+    readers = set()
     for top in ("star_core", "plugins"):
         for file in (ROOT / top).rglob("*.py"):
             for node in ast.walk(ast.parse(file.read_text())):
                 name = ast.unparse(node) if isinstance(node, ast.Attribute) else ""
                 if name.startswith("pickle.load") or name.endswith("connection.recv"):
-                    found.add(file.parent.name + "/" + file.name)
+                    readers.add(file.parent.name + "/" + file.name)
                 if isinstance(node, ast.keyword) and node.arg == "allow_pickle":
-                    found.add(file.name)
-    found -= {"star_view/gate.py"}  # a web socket
-    assert found == {
+                    readers.add(file.name)
+    readers -= {"star_view/gate.py"}  # a web socket
+    assert readers == {
         *("star_ablate/flight.py", "star_ablate/workers.py", "star_apriltag/worker_pool.py"),
         *("star_mcap/process.py", "star_mocap/source_process.py", "star_mocap/system.py"),
         *("star_radio/guarded.py", "star_radio/guardian.py", "star_radio/mailbox.py"),

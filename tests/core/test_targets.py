@@ -38,38 +38,38 @@ def sighting(agent: int, tag: int, off: float = 0.0, deviation: float = 0.1) -> 
 
 
 def test_a_target_is_found_once_by_the_agent_that_is_sure_first() -> None:
-    seen = targets()
+    register = targets()
     new = []
     for k in range(MIN_SIGHTINGS):
-        new += seen.add(sighting(0, 40), k)
-        new += seen.add(sighting(1, 40), k)
+        new += register.add(sighting(0, 40), k)
+        new += register.add(sighting(1, 40), k)
     assert new == [("bag", "cf1")]
-    assert seen.finder.tolist() == [0, -1]
-    (found,) = seen.summary()["list"]
-    assert (found["name"], found["finder"], found["time_s"]) == ("bag", "cf1", MIN_SIGHTINGS - 1)
+    assert register.finder.tolist() == [0, -1]
+    (target,) = register.summary()["list"]
+    assert (target["name"], target["finder"], target["time_s"]) == ("bag", "cf1", MIN_SIGHTINGS - 1)
 
 
 def test_one_image_is_not_enough() -> None:
-    seen = targets()
-    assert [seen.add(sighting(0, 50), k) for k in range(MIN_SIGHTINGS)] == [[]] * (
+    register = targets()
+    assert [register.add(sighting(0, 50), k) for k in range(MIN_SIGHTINGS)] == [[]] * (
         MIN_SIGHTINGS - 1
     ) + [[("cat", "cf1")]]
 
 
 def test_target_positions_are_variance_weighted_means() -> None:
-    seen = targets()
+    register = targets()
     for k in range(MIN_SIGHTINGS):
-        seen.add(sighting(0, 40, 0.3, deviation=0.2), k)
-        seen.add(sighting(1, 41, -0.1, deviation=0.1), k)
-    (found,) = seen.summary()["list"]
+        register.add(sighting(0, 40, 0.3, deviation=0.2), k)
+        register.add(sighting(1, 41, -0.1, deviation=0.1), k)
+    (target,) = register.summary()["list"]
     off = (0.3 / 4 - 0.1) / (1 / 4 + 1)  # weighed by 1 / variance
-    assert found["position_m"] == pytest.approx([1.0 + off, 0.0, 0.0])
-    assert found["error_m"] == pytest.approx(abs(off))
+    assert target["position_m"] == pytest.approx([1.0 + off, 0.0, 0.0])
+    assert target["error_m"] == pytest.approx(abs(off))
 
 
 @pytest.mark.parametrize("tag", [7, 40], ids=["no target", "nowhere"])
 def test_what_is_no_target_or_nowhere_is_passed_over(tag: int) -> None:
-    seen = targets()
+    register = targets()
     for k in range(MIN_SIGHTINGS):
-        assert seen.add(sighting(0, tag, deviation=np.nan if tag == 40 else 0.1), k) == []
-    assert seen.summary() == {"found": 0, "total": 2, "list": []}
+        assert register.add(sighting(0, tag, deviation=np.nan if tag == 40 else 0.1), k) == []
+    assert register.summary() == {"found": 0, "total": 2, "list": []}

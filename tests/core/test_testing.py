@@ -61,9 +61,9 @@ def installed(*kinds: str) -> list[Any]:
     registry = Registry()
     offers = ((kind, registry.find(kind, name)) for kind in kinds for name in registry.names(kind))
     return [
-        pytest.param(kind, found.offer, id=f"{kind}-{found.offer.name}")
-        for kind, found in offers
-        if found.source.own
+        pytest.param(kind, plugin.offer, id=f"{kind}-{plugin.offer.name}")
+        for kind, plugin in offers
+        if plugin.source.own
     ]
 
 
@@ -160,10 +160,10 @@ def test_planners_that_break_their_contract_are_refused(
 def seer(scene: Scene) -> Any:
     n = len(scene.agents)
     starts = Transform(np.zeros(n), np.array([agent.start for agent in scene.agents]))
-    known = lambda right, heard: replace(  # noqa: E731
+    locate = lambda right, heard: replace(  # noqa: E731
         right(heard), valid=np.isfinite(heard.position[:, 0])
     )
-    return wrong(Seer(starts), "locate", known)
+    return wrong(Seer(starts), "locate", locate)
 
 
 LOCALIZERS = [

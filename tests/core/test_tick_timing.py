@@ -178,10 +178,10 @@ class Slow:
     def star_avoiders(self) -> Iterator[AvoiderSpec]:
         yield AvoiderSpec(name="slow", summary="Is slow.", make=lambda _scene: self)
 
-    def avoid(self, _estimate: object, wanted: Any) -> Any:
+    def avoid(self, _estimate: object, planned: Any) -> Any:
         self._calls += 1
         self.clock += 3.5 * PERIOD * (self._calls == 20)
-        return wanted
+        return planned
 
 
 def test_a_plugin_that_is_too_slow_is_reported_in_the_record(

@@ -204,8 +204,8 @@ def test_contact_is_detected_at_every_face(x: float) -> None:
 
 @pytest.mark.parametrize(("x", "touches"), [(1.05, True), (1.07, False)])
 def test_a_drone_touches_what_is_nearer_than_its_radius(x: float, *, touches: bool) -> None:
-    found = World("room", ROOM, (PILLAR,)).contact_fault((x, 0.5, 0.0))
-    assert (found is not None) is touches
+    fault = World("room", ROOM, (PILLAR,)).contact_fault((x, 0.5, 0.0))
+    assert (fault is not None) is touches
 
 
 def test_of_what_is_overhead_the_lowest_is_hit_first() -> None:
@@ -248,8 +248,8 @@ def test_a_line_may_come_back_to_where_it_began() -> None:
 @pytest.mark.parametrize("kind", ["landmarks", "targets"])
 def test_offsets_that_do_not_fit_tags_or_spacing_are_reported(kind: str) -> None:
     sheet = "{tags: [0, 1], at: [0, 0, 0], spacing: 0.3, offsets: [[0, 0]]}"
-    found = problems(f"{WORLD}{kind}: {{s: {sheet}}}\n")
-    assert {code_of(problem) for problem in found} == {"wrong-length", "option-conflict"}
+    messages = problems(f"{WORLD}{kind}: {{s: {sheet}}}\n")
+    assert {code_of(problem) for problem in messages} == {"wrong-length", "option-conflict"}
 
 
 @pytest.mark.parametrize(
@@ -270,12 +270,12 @@ def test_all_world_problems_are_listed_in_file_order() -> None:
     world = WORLD.replace("high: [2,", "high: [-2,").replace("[0, 2]", "[3, 2]") + (
         "  bar: {polyline: [[0, 0], [0, 0]], thickness: 0.1, height: [0, 1]}\n"
     )
-    assert [found.split(":")[1] for found in problems(world)] == ["3", "5", "6"]
+    assert [problem.split(":")[1] for problem in problems(world)] == ["3", "5", "6"]
 
 
-def obstacle(given: str) -> Obstacle:
+def obstacle(shape: str) -> Obstacle:
     """The obstacle that a world file describes so."""
-    parsed = parse(WORLD.replace("polygon: [[0.8, 0.8], [1.2, 0.8], [1, 1.2]]", given), "room.yaml")
+    parsed = parse(WORLD.replace("polygon: [[0.8, 0.8], [1.2, 0.8], [1, 1.2]]", shape), "room.yaml")
     (made,) = world(Document(parsed, Path("room.yaml"))).obstacles
     return made
 
@@ -298,8 +298,8 @@ def test_a_cylinder_contains_its_circle() -> None:
 
 @pytest.mark.parametrize("height", ["[2.5, 3]", "[-2, -1]"])
 def test_an_obstacle_above_or_below_the_fence_is_refused(height: str) -> None:
-    (found,) = problems(WORLD.replace("[0, 2]", height))
-    assert position_and_code(found) == "room.yaml:5:11 [outside-geofence]"
+    (problem,) = problems(WORLD.replace("[0, 2]", height))
+    assert position_and_code(problem) == "room.yaml:5:11 [outside-geofence]"
 
 
 @pytest.mark.parametrize(
@@ -315,5 +315,5 @@ def test_an_obstacle_may_reach_out_of_the_fence(shape: str) -> None:
 
 
 def test_a_fence_that_is_wrong_is_not_held_against_obstacles() -> None:
-    (found,) = problems(WORLD.replace("high: [2,", "high: [-3,"))
-    assert position_and_code(found) == "room.yaml:3:8 [empty-range]"
+    (problem,) = problems(WORLD.replace("high: [2,", "high: [-3,"))
+    assert position_and_code(problem) == "room.yaml:3:8 [empty-range]"
