@@ -238,8 +238,11 @@ def test_a_swarm_of_nothing_is_no_trouble(name: str) -> None:
 
 @all_avoiders
 def test_two_at_one_point_part(name: str) -> None:
-    here, planned = np.zeros((2, 3)), Setpoint(np.zeros((2, 3)), np.zeros(2), np.ones(2, np.bool_))
-    answer = made(name, room(2)).avoid(estimate(here), planned).velocity
+    position, planned = (
+        np.zeros((2, 3)),
+        Setpoint(np.zeros((2, 3)), np.zeros(2), np.ones(2, np.bool_)),
+    )
+    answer = made(name, room(2)).avoid(estimate(position), planned).velocity
     assert answer[0, 0] > 0 > answer[1, 0]
 
 
@@ -267,12 +270,12 @@ def test_nothing_is_compiled_in_flight() -> None:
 
     kernel: Any = within
     avoider = made("voronoi", room(3, box(0.5, 0.5, 0.7, 0.7)))
-    known = len(kernel.signatures)
+    count = len(kernel.signatures)
     for order in ("C", "F"):
         wish = np.asarray(np.ones((3, 3)), order=order)
         planned = Setpoint(wish, np.zeros(3), np.ones(3, np.bool_))
         avoider.avoid(estimate(np.asarray(np.eye(3), order=order)), planned)
-    assert len(kernel.signatures) == known
+    assert len(kernel.signatures) == count
 
 
 @pytest.mark.parametrize("name", ["orca", "voronoi", "potential"])

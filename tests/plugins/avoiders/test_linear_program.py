@@ -51,19 +51,19 @@ def free_corners(planes: Array, wish: Array) -> Iterator[Array]:
         normal = np.array([a, b])
         yield wish + (c - normal @ wish) * normal
         yield from on_circle(normal, c)
-    for one, other in combinations(planes, 2):
-        if abs(np.linalg.det([one[:2], other[:2]])) > 1e-12:
-            yield np.linalg.solve([one[:2], other[:2]], [one[2], other[2]])
+    for first, second in combinations(planes, 2):
+        if abs(np.linalg.det([first[:2], second[:2]])) > 1e-12:
+            yield np.linalg.solve([first[:2], second[:2]], [first[2], second[2]])
 
 
 def least_bad_corners(planes: Array) -> Iterator[Array]:
     """Every point at which the worst half-plane can be broken least."""
     for plane in planes:
         yield plane[:2] * SPEED
-    for one, other in combinations(planes, 2):
-        yield from on_circle((one - other)[:2], (one - other)[2])
-    for one, other, third in combinations(planes, 3):
-        both = np.array([one - other, one - third])
+    for first, second in combinations(planes, 2):
+        yield from on_circle((first - second)[:2], (first - second)[2])
+    for first, second, third in combinations(planes, 3):
+        both = np.array([first - second, first - third])
         if abs(np.linalg.det(both[:, :2])) > 1e-12:
             yield np.linalg.solve(both[:, :2], both[:, 2])
 
@@ -97,11 +97,11 @@ def test_infeasible_hard_half_planes_are_relaxed_like_others() -> None:
 
 @given(planes_of, wishes)
 def test_no_free_velocity_is_nearer_to_the_wish_cut_to_the_speed(
-    planes: Array, wanted: tuple[float, float]
+    planes: Array, desired: tuple[float, float]
 ) -> None:
     assume(least_bad(planes) < -1e-3)
-    answer = solved(planes, wanted)
-    wish = np.array(wanted) / max(float(np.hypot(*wanted)) / SPEED, 1.0)
+    answer = solved(planes, desired)
+    wish = np.array(desired) / max(float(np.hypot(*desired)) / SPEED, 1.0)
     assert worst(planes, answer) <= 1e-9
     nearest = min(
         float(np.linalg.norm(corner - wish))

@@ -97,8 +97,8 @@ def test_answers_do_not_depend_on_rows_nor_on_cells(turn: float, seed: int) -> N
 
 @given(seeds)
 def test_two_agents_seen_from_between_them_answer_alike(seed: int) -> None:
-    one = np.random.default_rng(seed).uniform(-0.8, 0.8, (3, 3)) * [1, 1, 0]
-    answer = ask(*(np.array([row, -row]) for row in one))
+    positions = np.random.default_rng(seed).uniform(-0.8, 0.8, (3, 3)) * [1, 1, 0]
+    answer = ask(*(np.array([row, -row]) for row in positions))
     assert answer[0] == pytest.approx(-answer[1], abs=1e-12)
 
 
@@ -217,20 +217,20 @@ ROOM = (-1.0, -1.0, 1.0, 1.0)
 
 
 def test_agents_approach_the_fence_within_the_horizon() -> None:
-    here, wish = np.array([[0.5, 0.0, 0.0]]), np.array([[0.9, 0.2, 0.0]])
-    answer = ask(here, wish, wish, fence=ROOM)
+    position, wish = np.array([[0.5, 0.0, 0.0]]), np.array([[0.9, 0.2, 0.0]])
+    answer = ask(position, wish, wish, fence=ROOM)
     assert answer == pytest.approx(np.array([[0.5 / HORIZON, 0.2, 0.0]]))
 
 
 def test_one_that_is_outside_the_fence_is_brought_back() -> None:
-    here, wish = np.array([[0.0, -1.2, 0.0]]), np.array([[0.3, -0.3, 0.0]])
-    answer = ask(here, wish, wish, fence=ROOM)
+    position, wish = np.array([[0.0, -1.2, 0.0]]), np.array([[0.3, -0.3, 0.0]])
+    answer = ask(position, wish, wish, fence=ROOM)
     assert answer == pytest.approx(np.array([[0.3, 0.2 / HORIZON, 0.0]]))
 
 
 def test_agents_far_outside_return_at_half_speed() -> None:
-    here, wish = np.array([[-90.0, 0.0, 0.0]]), np.zeros((1, 3))
-    assert ask(here, wish, wish, fence=ROOM) == pytest.approx(np.array([[SPEED / 2, 0.0, 0.0]]))
+    position, wish = np.array([[-90.0, 0.0, 0.0]]), np.zeros((1, 3))
+    assert ask(position, wish, wish, fence=ROOM) == pytest.approx(np.array([[SPEED / 2, 0.0, 0.0]]))
 
 
 @given(seeds)
@@ -342,7 +342,7 @@ def answer_of_pyrvo(
 def blocks(seed: int, half: float) -> tuple[Polygon, ...]:
     """Triangles, hexagons and the like, hooks and boards, 2 m apart over a square."""
     random = np.random.default_rng(seed)
-    found: list[Polygon] = []
+    polygons: list[Polygon] = []
     for x in np.arange(1 - half, half, 2.0):
         for y in np.arange(1 - half, half, 2.0):
             angle = (
@@ -354,8 +354,8 @@ def blocks(seed: int, half: float) -> tuple[Polygon, ...]:
                 np.array([(-4, -1), (4, -1), (4, 1), (-4, 1)]) / 10,
             )
             shape = shapes[random.integers(3)] + [x, y]
-            found.append(tuple((float(px), float(py)) for px, py in shape))
-    return tuple(found)
+            polygons.append(tuple((float(px), float(py)) for px, py in shape))
+    return tuple(polygons)
 
 
 def clear(around: Outlines, position: Array) -> Array:

@@ -31,15 +31,15 @@ def of(*things: tuple[tuple[Polygon, ...], tuple[float, float]]) -> Outlines:
     return outlines(World("room", fence, obstacles))
 
 
-def at(found: Outlines, z: float) -> np.ndarray:
+def at(outlines: Outlines, z: float) -> np.ndarray:
     """The edges at one height."""
-    layer = layer_at(z, found.height)
-    return found.edges[found.first[layer] : found.first[layer + 1]]
+    layer = layer_at(z, outlines.height)
+    return outlines.edges[outlines.first[layer] : outlines.first[layer + 1]]
 
 
 def test_an_empty_world_has_no_edges_at_any_height() -> None:
-    found = of()
-    assert [len(at(found, z)) for z in (-1.0, 0.0, 5.0)] == [0, 0, 0]
+    outlines = of()
+    assert [len(at(outlines, z)) for z in (-1.0, 0.0, 5.0)] == [0, 0, 0]
 
 
 @pytest.mark.parametrize("corners", [SQUARE, SQUARE[::-1]])
@@ -51,9 +51,9 @@ def test_the_solid_is_left_of_every_edge_however_it_was_drawn(corners: Polygon) 
 
 
 def test_outlines_extend_by_the_margin_below_and_above() -> None:
-    found = of(((SQUARE,), (0.5, 1.0)))
+    outlines = of(((SQUARE,), (0.5, 1.0)))
     heights = (0.5 - MARGIN - 0.01, 0.5 - MARGIN + 0.01, 1.0 + MARGIN - 0.01, 1.0 + MARGIN + 0.01)
-    assert [len(at(found, z)) for z in heights] == [0, 4, 4, 0]
+    assert [len(at(outlines, z)) for z in heights] == [0, 4, 4, 0]
 
 
 def test_pieces_that_touch_are_one_solid_without_an_edge_between() -> None:
@@ -64,8 +64,8 @@ def test_pieces_that_touch_are_one_solid_without_an_edge_between() -> None:
 
 def test_overlapping_obstacles_merge_at_their_shared_heights() -> None:
     other = tuple((x + 0.5, y + 0.5) for x, y in SQUARE)
-    found = of(((SQUARE,), (0.0, 1.0)), ((other,), (0.0, 2.0)))
-    assert [len(at(found, z)) for z in (0.5, 1.5, 2.5)] == [8, 4, 0]
+    outlines = of(((SQUARE,), (0.0, 1.0)), ((other,), (0.0, 2.0)))
+    assert [len(at(outlines, z)) for z in (0.5, 1.5, 2.5)] == [8, 4, 0]
 
 
 def test_a_room_is_hollow() -> None:

@@ -22,22 +22,22 @@ speeds = arrays(np.float64, N, elements=st.floats(0, 2))
 
 @given(tables, tables, tables, speeds)
 def test_no_speed_is_above_the_goals_or_the_limit(
-    here: Array, there: Array, velocity: Array, speed: Array
+    start: Array, goal: Array, velocity: Array, speed: Array
 ) -> None:
-    plan = straight(scene(N)).plan(estimate(here), goals(there, speed=speed, velocity=velocity))
+    plan = straight(scene(N)).plan(estimate(start), goals(goal, speed=speed, velocity=velocity))
     flown = np.linalg.norm(plan.setpoint.velocity, axis=1)
     assert (flown <= np.minimum(speed, 0.5) + 1e-9).all()
 
 
 @given(tables, tables, tables, speeds)
 def test_vertical_speed_stays_within_the_heights_for_a_tick(
-    here: Array, there: Array, velocity: Array, speed: Array
+    start: Array, goal: Array, velocity: Array, speed: Array
 ) -> None:
-    here = here.copy()
-    here[:, 2] = np.clip(here[:, 2], 0.2, 1.8)
+    start = start.copy()
+    start[:, 2] = np.clip(start[:, 2], 0.2, 1.8)
     room = scene(N)
-    plan = straight(room).plan(estimate(here), goals(there, speed=speed, velocity=velocity))
-    height = here[:, 2] + room.period * plan.setpoint.velocity[:, 2]
+    plan = straight(room).plan(estimate(start), goals(goal, speed=speed, velocity=velocity))
+    height = start[:, 2] + room.period * plan.setpoint.velocity[:, 2]
     assert ((height >= 0.2 - 1e-9) & (height <= 1.8 + 1e-9)).all()
 
 
@@ -76,30 +76,30 @@ def test_at_the_goal_it_flies_with_the_goal() -> None:
 
 @share_of_examples(0.4)
 @given(tables, tables, st.floats(0.5, 3.0))
-def test_a_goal_that_stands_is_reached(here: Array, there: Array, gain: float) -> None:
+def test_a_goal_that_stands_is_reached(start: Array, goal: Array, gain: float) -> None:
     room = scene(N)
-    here, there = (room_of * [0.3, 0.3, 0.08] + [0, 0, 1] for room_of in (here, there))
-    leads, position = straight(room, gain=gain), here
+    start, goal = (room_of * [0.3, 0.3, 0.08] + [0, 0, 1] for room_of in (start, goal))
+    leads, position = straight(room, gain=gain), start
     for _ in range(round((20 + 6 / gain) / room.period)):  # 7.8 m at most, at 0.5 m/s
-        flown = leads.plan(estimate(position), goals(there, speed=0.5)).setpoint
+        flown = leads.plan(estimate(position), goals(goal, speed=0.5)).setpoint
         position = position + room.period * flown.velocity
-    assert position == pytest.approx(there, abs=0.01)
+    assert position == pytest.approx(goal, abs=0.01)
 
 
 def test_rows_without_a_goal_or_an_estimate_are_idle() -> None:
-    here = np.array([[0, 0, 1.0], [1, 0, 1], [np.nan] * 3])
-    now = replace(estimate(here), valid=np.array([True, True, False]))
-    wanted = goals(np.ones((3, 3)), active=np.array([False, True, True]))
-    plan = straight(scene(3)).plan(now, wanted)
+    position = np.array([[0, 0, 1.0], [1, 0, 1], [np.nan] * 3])
+    now = replace(estimate(position), valid=np.array([True, True, False]))
+    targets = goals(np.ones((3, 3)), active=np.array([False, True, True]))
+    plan = straight(scene(3)).plan(now, targets)
     assert plan.setpoint.active.tolist() == [False, True, False]
     assert plan.setpoint.velocity[[0, 2]].tolist() == [[0.0] * 3] * 2
     assert np.isfinite(plan.setpoint.yaw).all()
 
 
 def test_each_path_is_from_the_agent_to_its_goal() -> None:
-    here = np.array([[0, 0, 1.0], [1, 0, 1], [2, 0, 1]])
-    wanted = goals(here + np.array([0, 2, 0]), active=np.array([True, False, True]))
-    plan = straight(scene(3)).plan(estimate(here), wanted)
+    position = np.array([[0, 0, 1.0], [1, 0, 1], [2, 0, 1]])
+    targets = goals(position + np.array([0, 2, 0]), active=np.array([True, False, True]))
+    plan = straight(scene(3)).plan(estimate(position), targets)
     assert plan.paths.agent.tolist() == [0, 0, 2, 2]
     assert plan.paths.point.tolist() == [[0, 0, 1], [0, 2, 1], [2, 0, 1], [2, 2, 1]]
 
@@ -113,8 +113,8 @@ def turn(yaw: float, goal: float, ticks: int) -> list[float]:
     """Headings asked of an agent that looks along `yaw` and does not turn, degrees."""
     leads = straight(scene(1), yaw_rate_deg=60.0)
     now = replace(estimate(np.array([[0, 0, 1.0]])), yaw=np.radians([yaw]))
-    wanted = goals([[0, 0, 1.0]], yaw=np.radians([goal]))
-    return [np.degrees(leads.plan(now, wanted).setpoint.yaw[0]) for _ in range(ticks)]
+    target = goals([[0, 0, 1.0]], yaw=np.radians([goal]))
+    return [np.degrees(leads.plan(now, target).setpoint.yaw[0]) for _ in range(ticks)]
 
 
 def test_the_heading_turns_no_faster_than_the_rate() -> None:
@@ -131,9 +131,9 @@ def test_the_heading_stops_at_the_goals() -> None:
 
 def test_heading_resumes_from_the_measured_yaw_after_a_pause() -> None:
     leads = straight(scene(1), yaw_rate_deg=60.0)
-    wanted = goals([[0, 0, 1.0]], yaw=np.radians([90]))
+    target = goals([[0, 0, 1.0]], yaw=np.radians([90]))
     first = estimate(np.array([[0, 0, 1.0]]))
-    leads.plan(first, wanted)
+    leads.plan(first, target)
     leads.plan(first, Goals.none(1))
-    plan = leads.plan(replace(first, yaw=np.radians([45])), wanted)
+    plan = leads.plan(replace(first, yaw=np.radians([45])), target)
     assert np.degrees(plan.setpoint.yaw) == pytest.approx([48])

@@ -73,18 +73,18 @@ HERE, THERE = np.array([[-2.0, 0.1, 1.0]]), [[2.0, 0.1, 1.0]]
 
 @given(tables, tables, tables)
 def test_in_an_empty_world_it_flies_as_straight_does(
-    here: Array, there: Array, velocity: Array
+    start: Array, goal: Array, velocity: Array
 ) -> None:
     empty = room(n=N)
-    there = there * [1, 1, 0.25] + [0, 0, 1]  # within the heights
-    now, wanted = estimate(here), goals(there, velocity=velocity, yaw=np.array([1.0, 2, 3]))
-    one, other = (
-        planner(empty).plan(now, wanted),
-        straight(empty).plan(now, wanted),
+    goal = goal * [1, 1, 0.25] + [0, 0, 1]  # within the heights
+    now, targets = estimate(start), goals(goal, velocity=velocity, yaw=np.array([1.0, 2, 3]))
+    plan, straight_plan = (
+        planner(empty).plan(now, targets),
+        straight(empty).plan(now, targets),
     )
-    assert np.array_equal(one.setpoint.velocity, other.setpoint.velocity)
-    assert np.array_equal(one.setpoint.yaw, other.setpoint.yaw)
-    assert not one.unreachable.any()
+    assert np.array_equal(plan.setpoint.velocity, straight_plan.setpoint.velocity)
+    assert np.array_equal(plan.setpoint.yaw, straight_plan.setpoint.yaw)
+    assert not plan.unreachable.any()
 
 
 def test_a_moving_goal_in_sight_is_flown_with_among_obstacles() -> None:
@@ -172,9 +172,9 @@ def test_agents_pushed_past_a_corner_do_not_return_to_it(aside: Sequence[float],
     first = flies.plan(estimate(HERE), goals(THERE)).paths.point
     assert len(first) == 8  # three points round each of two corners
     then = flies.plan(estimate(np.array([aside])), goals(THERE))
-    seen = first[-left:]
-    np.testing.assert_allclose(then.paths.point[1:], seen)
-    way = seen[0] - aside
+    rest = first[-left:]
+    np.testing.assert_allclose(then.paths.point[1:], rest)
+    way = rest[0] - aside
     velocity = then.setpoint.velocity[0]
     cosine = velocity @ way / np.linalg.norm(velocity) / np.linalg.norm(way)
     assert cosine == pytest.approx(1.0)
@@ -184,19 +184,19 @@ def test_a_goal_that_moves_behind_the_block_is_followed() -> None:
     blocked = room(BLOCK)
     visible, place = planner(blocked), HERE.copy()
     for tick in range(400):
-        wanted = goals([[2.0, 0.1 - 1.5 * math.sin(0.01 * tick), 1.0]])
-        plan = visible.plan(estimate(place), wanted)
+        target = goals([[2.0, 0.1 - 1.5 * math.sin(0.01 * tick), 1.0]])
+        plan = visible.plan(estimate(place), target)
         assert np.linalg.norm(plan.setpoint.velocity) > 0 or tick > 100
         place = place + blocked.period * plan.setpoint.velocity
-    assert np.linalg.norm(place - wanted.position) < 0.2
+    assert np.linalg.norm(place - target.position) < 0.2
 
 
 def test_planning_is_limited_per_tick_and_round_robin() -> None:
     blocked = room(BLOCK, n=5)
-    here = np.array([[-2, 0.1 * i, 1.0] for i in range(5)])
+    positions = np.array([[-2, 0.1 * i, 1.0] for i in range(5)])
     visible, moving = planner(blocked, queries_per_tick=2), []
     for _ in range(3):
-        plan = visible.plan(estimate(here), goals(here * [-1, 1, 1]))
+        plan = visible.plan(estimate(positions), goals(positions * [-1, 1, 1]))
         moving.append((np.linalg.norm(plan.setpoint.velocity, axis=1) > 0).tolist())
     assert moving == [
         [True, True, False, False, False],
@@ -210,11 +210,11 @@ def test_paths_are_kept_until_replanned_if_the_goal_moves_little(
     moved: float, *, flies: bool
 ) -> None:
     blocked = room(BLOCK, n=2)
-    here = np.array([[-2, 0.1, 1.0], [-2, -0.1, 1.0]])
+    positions = np.array([[-2, 0.1, 1.0], [-2, -0.1, 1.0]])
     visible = planner(blocked, queries_per_tick=1, hold_distance=1.0)
     for _ in range(2):
-        visible.plan(estimate(here), goals(here * [-1, 1, 1]))
-    plan = visible.plan(estimate(here), goals(here * [-1, 1, 1] + [moved, 0, 0]))
+        visible.plan(estimate(positions), goals(positions * [-1, 1, 1]))
+    plan = visible.plan(estimate(positions), goals(positions * [-1, 1, 1] + [moved, 0, 0]))
     assert (np.linalg.norm(plan.setpoint.velocity, axis=1) > 0).tolist() == [True, flies]
 
 
@@ -222,7 +222,7 @@ def test_paths_are_kept_until_replanned_if_the_goal_moves_little(
 
 
 @pytest.mark.parametrize(
-    ("here", "there", "why"),
+    ("start", "goal", "why"),
     [
         ((0, 0, 1), (3, 0, 1), "[0, 0, 1] is inside obstacle 'block'"),
         ((3, 0, 1), (0, 0, 1), "[0, 0, 1] is inside obstacle 'block'"),
@@ -235,22 +235,22 @@ def test_paths_are_kept_until_replanned_if_the_goal_moves_little(
     ],
 )
 def test_an_agent_holds_that_is_or_is_sent_where_no_agent_can_be(
-    here: Sequence[float], there: Sequence[float], why: str
+    start: Sequence[float], goal: Sequence[float], why: str
 ) -> None:
     visible = planner(room(BLOCK))
-    plan = visible.plan(estimate(np.array([here], float)), goals([there]))
+    plan = visible.plan(estimate(np.array([start], float)), goals([goal]))
     assert plan.unreachable.tolist() == [True]
     assert plan.setpoint.velocity.tolist() == [[0, 0, 0]]
     assert plan.setpoint.active.tolist() == [True]
     assert plan.reasons == {0: why}
 
 
-@pytest.mark.parametrize("here", [[-2, 0, 1.0], [2, 1, 1.0]])
+@pytest.mark.parametrize("start", [[-2, 0, 1.0], [2, 1, 1.0]])
 @pytest.mark.parametrize(("z", "side"), [(2.5, 1), (0.1, 1), (1.8 + 1e-6, 1), (1.8, 0)])
 def test_a_goal_outside_the_heights_is_unreachable_not_moved(
-    here: Sequence[float], z: float, side: int
+    start: Sequence[float], z: float, side: int
 ) -> None:
-    plan = planner(room(BLOCK)).plan(estimate(np.array([here])), goals([[2, 0, z]]))
+    plan = planner(room(BLOCK)).plan(estimate(np.array([start])), goals([[2, 0, z]]))
     assert plan.unreachable.tolist() == [bool(side)]
     assert (np.linalg.norm(plan.setpoint.velocity) == 0) == bool(side)
     if side:
@@ -261,17 +261,17 @@ def test_a_goal_outside_the_heights_is_unreachable_not_moved(
 
 
 def test_agents_slightly_outside_the_heights_may_stay() -> None:
-    here = np.array([[2, 0, 1.85]])
-    plan = planner(room(BLOCK)).plan(estimate(here), goals(here))
+    position = np.array([[2, 0, 1.85]])
+    plan = planner(room(BLOCK)).plan(estimate(position), goals(position))
     assert plan.unreachable.tolist() == [False]
 
 
 def test_only_walled_in_goals_are_unreachable() -> None:
     closed = Obstacle("cell", wall(CLOSED, 0.1), (0.0, 3.0))
     visible = planner(room(closed, n=3))
-    here = np.array([[-3, 0, 1], [0.5, 0, 1], [-3, 1, 1]], float)
+    positions = np.array([[-3, 0, 1], [0.5, 0, 1], [-3, 1, 1]], float)
     for _ in range(2):  # it stays so
-        plan = visible.plan(estimate(here), goals([[0, 0, 1], [-0.5, 0, 1], [3, 1, 1]]))
+        plan = visible.plan(estimate(positions), goals([[0, 0, 1], [-0.5, 0, 1], [3, 1, 1]]))
         assert plan.unreachable.tolist() == [True, False, False]
         assert (np.linalg.norm(plan.setpoint.velocity, axis=1) > 0).tolist() == [False, True, True]
 
@@ -376,19 +376,19 @@ def gaps(blocks: Sequence[Obstacle], place: Array) -> Array:
 
 
 def test_rows_without_a_goal_or_an_estimate_are_idle() -> None:
-    here = np.array([[-2, 0, 1.0], [-2, 1, 1], [np.nan] * 3])
-    now = replace(estimate(here), valid=np.array([True, True, False]))
-    wanted = goals([[2, 0, 1.0]] * 3, active=np.array([False, True, True]))
-    plan = planner(room(BLOCK, n=3)).plan(now, wanted)
+    positions = np.array([[-2, 0, 1.0], [-2, 1, 1], [np.nan] * 3])
+    now = replace(estimate(positions), valid=np.array([True, True, False]))
+    targets = goals([[2, 0, 1.0]] * 3, active=np.array([False, True, True]))
+    plan = planner(room(BLOCK, n=3)).plan(now, targets)
     assert plan.setpoint.active.tolist() == [False, True, False]
     assert plan.setpoint.velocity[[0, 2]].tolist() == [[0.0] * 3] * 2
     assert set(plan.paths.agent.tolist()) == {1}
     assert plan.unreachable.tolist() == [False] * 3
 
 
-def problems(given: Scene) -> list[str]:
+def problems(scene: Scene) -> list[str]:
     assert VISIBILITY.check is not None
-    return [problem.message for problem in VISIBILITY.check(given)]
+    return [problem.message for problem in VISIBILITY.check(scene)]
 
 
 def test_the_check_finds_nothing_wrong_with_a_good_scene() -> None:
@@ -415,14 +415,14 @@ over = room(low, table, BLOCK, n=2)
 visible = planner(over)
 modules = [importlib.import_module("star_visibility." + m.name)
            for m in pkgutil.iter_modules(star_visibility.__path__)]
-def known():
+def signatures():
     return sorted((m.__name__, name, len(f.signatures)) for m in modules
                   for name, f in vars(m).items() if isinstance(f, Dispatcher))
-before = known()
+before = signatures()
 start = np.array([[-2.0, 0, 0.8], [0.0, 1.1, 0.8]])
 for _ in flown(visible, over, start, goals([[2.0, 0, 0.8], [0, 0, 1]]), 9):
     pass
-assert known() == before, set(known()) ^ set(before)
+assert signatures() == before, set(signatures()) ^ set(before)
 """
     subprocess.run([sys.executable, "-c", code], check=True, cwd=Path(__file__).parents[3])
 
@@ -451,12 +451,12 @@ def parted() -> tuple[Obstacle, ...]:
 
 
 def test_only_the_agent_of_a_long_search_holds() -> None:
-    given = room(*parted(), n=2)
-    visible = planner(given)
-    here = np.array([[-4.6, 4.6, 1.0], [4.6, -4.6, 1.0]])
-    wanted = goals([[4.6, 4.6, 1.0], [4.6, 4.6, 1.0]])
+    hall = room(*parted(), n=2)
+    visible = planner(hall)
+    positions = np.array([[-4.6, 4.6, 1.0], [4.6, -4.6, 1.0]])
+    targets = goals([[4.6, 4.6, 1.0], [4.6, 4.6, 1.0]])
     ticks = 0
-    while not (plan := visible.plan(estimate(here), wanted)).unreachable.any():
+    while not (plan := visible.plan(estimate(positions), targets)).unreachable.any():
         assert plan.setpoint.velocity[0].tolist() == [0, 0, 0]
         ticks += 1
         assert ticks < 1000
@@ -476,7 +476,7 @@ def with_std(now: Estimate, std: float) -> Estimate:
 def nearest_to_block(std: float, room: Scene, *, seconds: float = 15.0) -> float:
     """How near a point mass with an uncertain position comes to `BLOCK`, m; it must arrive."""
     made = planner(room)
-    uncertain: Any = SimpleNamespace(plan=lambda now, wanted: made.plan(with_std(now, std), wanted))
+    uncertain: Any = SimpleNamespace(plan=lambda now, target: made.plan(with_std(now, std), target))
     track = [place for place, _ in flown(uncertain, room, HERE, goals(THERE), seconds)]
     assert track[-1] == pytest.approx(np.array(THERE), abs=0.02)
     return clearance(track, BLOCK)
@@ -509,7 +509,7 @@ def test_uncertain_agents_still_reach_goals_at_the_clearance() -> None:
     blocked = room(BLOCK)
     goal = [[-0.5 - 0.26, 0.1, 1.0]]
     made = planner(blocked)
-    uncertain: Any = SimpleNamespace(plan=lambda now, wanted: made.plan(with_std(now, 5.0), wanted))
+    uncertain: Any = SimpleNamespace(plan=lambda now, target: made.plan(with_std(now, 5.0), target))
     *_, (place, plan) = flown(uncertain, blocked, HERE, goals(goal), 15)
     assert place == pytest.approx(np.array(goal), abs=0.02)
     assert not plan.unreachable.any()

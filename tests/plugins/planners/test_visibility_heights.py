@@ -33,8 +33,8 @@ def room(*obstacles: Obstacle) -> Scene:
 
 
 def routes(*obstacles: Obstacle) -> Routes:
-    given = room(*obstacles)
-    return Routes(given, clearance=CLEARANCE, vertical_clearance=CLEARANCE, margin=MARGIN)
+    scene = room(*obstacles)
+    return Routes(scene, clearance=CLEARANCE, vertical_clearance=CLEARANCE, margin=MARGIN)
 
 
 def barrier(x: float, height: tuple[float, float], end: float = HALF, name: str = "") -> Obstacle:
@@ -42,12 +42,12 @@ def barrier(x: float, height: tuple[float, float], end: float = HALF, name: str 
     return Obstacle(name or f"wall {x:g}", wall([(x, -HALF), (x, end)], 0.1), height)
 
 
-def found(routes: Routes, start: Sequence[float], goal: Sequence[float]) -> Array:
+def path_points(routes: Routes, start: Sequence[float], goal: Sequence[float]) -> Array:
     """The points of a path, with its start."""
-    here = np.array(start, np.float64)
-    way = routes.route(here, np.array(goal, np.float64))
+    origin = np.array(start, np.float64)
+    way = routes.route(origin, np.array(goal, np.float64))
     assert not isinstance(way, str), way
-    return np.vstack([here, way])
+    return np.vstack([origin, way])
 
 
 def length(way: Array) -> float:
@@ -78,7 +78,7 @@ LOW_WALL, HANGING = barrier(-0.8, (0.0, 1.0)), barrier(0.8, (0.7, 2.5))
 
 
 def test_over_a_low_wall_and_under_a_hanging_one() -> None:
-    way = found(routes(LOW_WALL, HANGING), (-2, 0, 0.5), (2, 0, 0.5))
+    way = path_points(routes(LOW_WALL, HANGING), (-2, 0, 0.5), (2, 0, 0.5))
     assert gap([LOW_WALL, HANGING], along(way)).min() > -1e-6
     assert way[:, 1] == pytest.approx(np.zeros(len(way)), abs=1e-6)
     wide = 0.05 + 1.02 * KEPT  # as far as arcs reach at most
@@ -90,15 +90,17 @@ def test_over_a_low_wall_and_under_a_hanging_one() -> None:
 def test_the_way_by_a_point_in_between_is_not_shorter() -> None:
     finder = routes(barrier(-0.8, (0.0, 1.0), 2.2), barrier(0.8, (0.7, 2.5), 2.2))
     start, between, goal = (-2, -2, 0.5), (0, -2, 0.5), (2, -2, 0.5)
-    halves = length(found(finder, start, between)) + length(found(finder, between, goal))
-    assert length(found(finder, start, goal)) <= halves + 1e-9
+    halves = length(path_points(finder, start, between)) + length(
+        path_points(finder, between, goal)
+    )
+    assert length(path_points(finder, start, goal)) <= halves + 1e-9
 
 
 def test_over_a_low_wall_and_through_a_door_under_a_lintel() -> None:
     sides = (wall([(0.5, -HALF), (0.5, -1.0)], 0.1)[0], wall([(0.5, 0.4), (0.5, HALF)], 0.1)[0])
     lintel = Obstacle("lintel", wall([(0.5, -1.0), (0.5, 0.4)], 0.1), (0.8, 2.5))
     world = LOW_WALL, Obstacle("sides", sides, (0.0, 2.5)), lintel
-    way = found(routes(*world), (-2, 1.5, 0.5), (2, 1.5, 0.4))
+    way = path_points(routes(*world), (-2, 1.5, 0.5), (2, 1.5, 0.4))
     assert gap(world, along(way)).min() > -1e-6
     crossing = np.array([np.interp(0.5, way[:, 0], way[:, k]) for k in (1, 2)])
     assert -1.0 < crossing[0] < 0.4
@@ -108,7 +110,7 @@ def test_over_a_low_wall_and_through_a_door_under_a_lintel() -> None:
 def test_round_a_pillar_between_a_low_and_a_hanging_wall() -> None:
     pillar = Obstacle("pillar", (box((0.0, 0.0), (0.3, 1.0), 0.0),), (0.0, 2.5))
     world = LOW_WALL, pillar, HANGING
-    way = found(routes(*world), (-2, 0, 0.5), (2, 0, 0.5))
+    way = path_points(routes(*world), (-2, 0, 0.5), (2, 0, 0.5))
     assert gap(world, along(way)).min() > -1e-6
     assert length(way) < 6.0
 
@@ -155,36 +157,40 @@ def grid_finds_a_way(crowd: Sequence[Obstacle], start: Array, goal: Array) -> bo
     free = (gap(crowd, node.reshape(-1, 3)) > 0.03).reshape(node.shape[:3])
     steps = []
     for axis in range(3):
-        one = [slice(None)] * 3
-        one[axis] = slice(1, None)
-        other = [slice(None)] * 3
-        other[axis] = slice(None, -1)
-        a, b = node[tuple(one)].reshape(-1, 3), node[tuple(other)].reshape(-1, 3)
+        upper = [slice(None)] * 3
+        upper[axis] = slice(1, None)
+        lower = [slice(None)] * 3
+        lower[axis] = slice(None, -1)
+        a, b = node[tuple(upper)].reshape(-1, 3), node[tuple(lower)].reshape(-1, 3)
         open_ = np.ones(len(a), np.bool_)
         for share in (0.25, 0.5, 0.75):
             open_ &= gap(crowd, a + share * (b - a)) > 0.03
-        steps.append(open_.reshape(node[tuple(one)].shape[:3]))
+        steps.append(open_.reshape(node[tuple(upper)].shape[:3]))
     ends = [
         {tuple(k) for k in np.argwhere(
             free & (np.abs(node - end) <= [CELL, CELL, 0.125]).all(axis=-1)
         ).tolist() if gap(crowd, along(np.array([end, node[tuple(k)]]))).min() > 0.0}
         for end in (start, goal)
     ]  # fmt: skip
-    queue, seen = deque(ends[0]), set(ends[0])
+    queue, visited = deque(ends[0]), set(ends[0])
     while queue:
-        here = queue.popleft()
-        if here in ends[1]:
+        cell = queue.popleft()
+        if cell in ends[1]:
             return True
         for axis in range(3):
             for move in (-1, 1):
-                to = list(here)
+                to = list(cell)
                 to[axis] += move
-                there = tuple(to)
-                if there in seen or not 0 <= to[axis] < free.shape[axis] or not free[there]:
+                neighbour = tuple(to)
+                if (
+                    neighbour in visited
+                    or not 0 <= to[axis] < free.shape[axis]
+                    or not free[neighbour]
+                ):
                     continue
-                if steps[axis][min(here, there)]:
-                    seen.add(there)
-                    queue.append(there)
+                if steps[axis][min(cell, neighbour)]:
+                    visited.add(neighbour)
+                    queue.append(neighbour)
     return False
 
 
@@ -216,12 +222,12 @@ def test_the_way_back_is_as_long(
 ) -> None:
     assume((gap(crowd, np.array([start, goal])) > 0.03).all())
     finder = routes(*crowd)
-    there, back = (
+    forth, back = (
         finder.route(np.array(a), np.array(b)) for a, b in ((start, goal), (goal, start))
     )
-    assert isinstance(there, str) is isinstance(back, str)
-    if not isinstance(there, str) and not isinstance(back, str):
-        assert length(np.vstack([start, there])) == pytest.approx(
+    assert isinstance(forth, str) is isinstance(back, str)
+    if not isinstance(forth, str) and not isinstance(back, str):
+        assert length(np.vstack([start, forth])) == pytest.approx(
             length(np.vstack([goal, back])), abs=1e-6
         )
 
@@ -280,8 +286,8 @@ def portion(search: Iterator[None]) -> Array | str:
     try:
         next(search)
     except StopIteration as end:
-        found: Array | str = end.value
-        return found
+        path: Array | str = end.value
+        return path
     return ""
 
 

@@ -123,14 +123,14 @@ def test_agents_near_an_obstacle_take_off_leave_and_return(
     flown.position[0] = drifted
     for _ in range(20):
         flown.tick(above)
-    there = flown.position[0].copy()
+    station = flown.position[0].copy()
     for push in pushes:
-        flown.position[0] = there + np.array([3 * abs(push[0]), push[1], 0.0])
+        flown.position[0] = station + np.array([3 * abs(push[0]), push[1], 0.0])
         for _ in range(30):
-            flown.tick(goals(there))
+            flown.tick(goals(station))
     for _ in range(30):
-        flown.tick(goals(there))
-    assert np.linalg.norm(flown.position[0] - there) < 0.05
+        flown.tick(goals(station))
+    assert np.linalg.norm(flown.position[0] - station) < 0.05
     for _ in range(80):
         flown.tick(goals((1.5, 0.3, 0.8)))
     assert flown.position[0] == pytest.approx([1.5, 0.3, 0.8], abs=0.2)
@@ -172,9 +172,9 @@ def test_goals_within_the_clearance_are_refused_like_the_check(goal: Sequence[fl
 
 
 def test_goals_moving_slightly_out_of_the_clearance_are_reached() -> None:
-    flown, here = planner(room(NOWHERE)), estimate(np.array([[0.23, 0.5, 0.8]]))
-    assert flown.plan(here, goals((0.17, 0.0, 0.8))).unreachable.tolist() == [True]
-    assert flown.plan(here, goals((0.22, 0.0, 0.8))).unreachable.tolist() == [False]
+    flown, now = planner(room(NOWHERE)), estimate(np.array([[0.23, 0.5, 0.8]]))
+    assert flown.plan(now, goals((0.17, 0.0, 0.8))).unreachable.tolist() == [True]
+    assert flown.plan(now, goals((0.22, 0.0, 0.8))).unreachable.tolist() == [False]
 
 
 def test_goals_that_creep_into_the_clearance_are_refused() -> None:

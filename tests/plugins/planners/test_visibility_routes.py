@@ -17,7 +17,7 @@ from star_core.testing import scene
 from star_core.toolkit import footprint
 from star_core.world.outlines import box, wall
 from star_visibility.routes import Routes
-from tests.plugins.planners.test_visibility_heights import found, length
+from tests.plugins.planners.test_visibility_heights import length, path_points
 
 Corner: TypeAlias = tuple[float, float]
 
@@ -99,18 +99,18 @@ def test_paths_are_as_long_as_those_of_an_independent_search(seed: int) -> None:
 
 
 def test_without_obstacles_the_path_is_straight() -> None:
-    assert found(routes(), (-1, 0, 1), (1, 2, 1.5)).tolist() == [[-1, 0, 1], [1, 2, 1.5]]
+    assert path_points(routes(), (-1, 0, 1), (1, 2, 1.5)).tolist() == [[-1, 0, 1], [1, 2, 1.5]]
 
 
 def test_a_path_goes_round_the_nearer_side() -> None:
-    way = found(routes(block((0, 0.5), (1, 2))), (-2, 0, 1), (2, 0, 1))
+    way = path_points(routes(block((0, 0.5), (1, 2))), (-2, 0, 1), (2, 0, 1))
     assert way[1:-1, 1].max() == pytest.approx(-0.5 - KEPT, abs=0.02 * KEPT + 0.1)
     assert (way[1:-1, 1] < -0.5).all()
 
 
 def test_a_path_finds_the_door_of_a_room() -> None:
     line = [(-0.5, -1.5), (-1.5, -1.5), (-1.5, 1.5), (1.5, 1.5), (1.5, -1.5), (0.5, -1.5)]
-    way = found(routes(barrier(line)), (0, 3, 1), (0, 0, 1))
+    way = path_points(routes(barrier(line)), (0, 3, 1), (0, 0, 1))
     through = shapely.LineString(way[:, :2]).intersection(
         shapely.LineString([(-0.5, -1.5), (0.5, -1.5)])
     )
@@ -122,7 +122,7 @@ CLOSED = [(-1.5, -1.5), (-1.5, 1.5), (1.5, 1.5), (1.5, -1.5), (-1.5, -1.5)]
 
 def test_inside_a_closed_room_one_can_fly() -> None:
     pillar = block((0, 0), (0.4, 0.4))
-    way = found(routes(barrier(CLOSED), pillar), (-1, 0, 1), (1, 0, 1))
+    way = path_points(routes(barrier(CLOSED), pillar), (-1, 0, 1), (1, 0, 1))
     assert np.abs(way[:, :2]).max() < 1.5
 
 
@@ -137,7 +137,7 @@ def test_no_way_leads_through_the_walls_of_a_closed_room(
 
 
 def test_a_low_wall_is_flown_over_no_higher_than_it_takes() -> None:
-    way = found(routes(barrier([(0, -5), (0, 5)], (0.0, 1.0))), (-2, 0, 0.8), (2, 0, 0.8))
+    way = path_points(routes(barrier([(0, -5), (0, 5)], (0.0, 1.0))), (-2, 0, 0.8), (2, 0, 0.8))
     reach = 0.05 + KEPT
     assert way[:, 2].max() == pytest.approx(1.0 + KEPT)
     slope = math.hypot(2 - reach, 0.2 + KEPT)
@@ -145,12 +145,12 @@ def test_a_low_wall_is_flown_over_no_higher_than_it_takes() -> None:
 
 
 def test_what_hangs_is_flown_under() -> None:
-    way = found(routes(barrier([(0, -5), (0, 5)], (0.9, 3.0))), (-2, 0, 1.2), (2, 0, 1.2))
+    way = path_points(routes(barrier([(0, -5), (0, 5)], (0.9, 3.0))), (-2, 0, 1.2), (2, 0, 1.2))
     assert way[:, 2].min() == pytest.approx(0.9 - KEPT)
 
 
 def test_a_wall_is_flown_round_where_that_is_shorter() -> None:
-    way = found(routes(barrier([(0, -0.2), (0, 5)], (0.0, 1.3))), (-2, 0, 0.5), (2, 0, 0.5))
+    way = path_points(routes(barrier([(0, -0.2), (0, 5)], (0.0, 1.3))), (-2, 0, 0.5), (2, 0, 0.5))
     assert way[:, 2].tolist() == pytest.approx([0.5] * len(way))
 
 
@@ -160,24 +160,24 @@ def test_walls_too_near_the_highest_height_are_not_overflown() -> None:
 
 
 def test_above_all_walls_one_flies_straight() -> None:
-    way = found(routes(barrier([(0, -5), (0, 5)], (0.0, 1.0))), (-2, 0, 1.25), (2, 1, 1.4))
+    way = path_points(routes(barrier([(0, -5), (0, 5)], (0.0, 1.0))), (-2, 0, 1.25), (2, 1, 1.4))
     assert len(way) == 2
 
 
 def test_a_climb_beside_a_wall_is_straight() -> None:
-    way = found(routes(block((0, 0), (1, 1))), (-1, 0, 0.3), (-1, 0, 1.7))
+    way = path_points(routes(block((0, 0), (1, 1))), (-1, 0, 0.3), (-1, 0, 1.7))
     assert way.tolist() == [[-1, 0, 0.3], [-1, 0, 1.7]]
 
 
 def test_from_under_a_table_one_comes_onto_it() -> None:
-    way = found(routes(block((0, 0), (1, 1), (0.7, 0.8))), (0, 0, 0.3), (0, 0, 1.2))
+    way = path_points(routes(block((0, 0), (1, 1), (0.7, 0.8))), (0, 0, 0.3), (0, 0, 1.2))
     assert 2 * (0.5 + KEPT) < length(way) < 2 * (0.5 + KEPT) + 1
 
 
 def test_from_under_a_table_one_comes_over_a_wall() -> None:
     table = block((-1, 0), (1, 1), (1.1, 1.2))
     over = barrier([(0.5, -5), (0.5, 5)], (0.0, 0.8))
-    way = found(routes(table, over), (-1, 0, 0.6), (2, 0, 0.6))
+    way = path_points(routes(table, over), (-1, 0, 0.6), (2, 0, 0.6))
     assert way[:, 2].max() == pytest.approx(0.8 + KEPT, abs=0.2)
 
 
@@ -194,20 +194,20 @@ def test_what_is_too_near_above_is_named() -> None:
 
 
 def test_routes_from_within_the_clearance_lead_out_first() -> None:
-    way = found(routes(BLOCK), (0.3, 0.6, 1), (0, -2, 1))
+    way = path_points(routes(BLOCK), (0.3, 0.6, 1), (0, -2, 1))
     assert way[1] == pytest.approx([0.3, 0.5 + KEPT, 1], abs=0.02 * KEPT)
 
 
 def test_from_just_above_a_block_the_shortest_way_out_is_up() -> None:
     low = block((0, 0), (2, 2), (0.0, 0.8))
-    way = found(routes(low), (0, 0, 0.95), (3, 0, 0.4))
+    way = path_points(routes(low), (0, 0, 0.95), (3, 0, 0.4))
     assert way[1] == pytest.approx([0, 0, 0.8 + KEPT])
 
 
 def test_an_agent_within_the_clearance_may_stay_where_it_is() -> None:
-    beside, here, goal = routes(BLOCK), (0.0, 0.6, 1), (0.05, 0.62, 1)
-    beside.allow_staying(np.array(here, float), np.array(goal, float))
-    assert found(beside, here, goal).tolist() == [[0.0, 0.6, 1], [0.05, 0.62, 1]]
+    beside, start, goal = routes(BLOCK), (0.0, 0.6, 1), (0.05, 0.62, 1)
+    beside.allow_staying(np.array(start, float), np.array(goal, float))
+    assert path_points(beside, start, goal).tolist() == [[0.0, 0.6, 1], [0.05, 0.62, 1]]
 
 
 def test_the_way_out_does_not_lead_through_a_wall() -> None:
@@ -217,6 +217,6 @@ def test_the_way_out_does_not_lead_through_a_wall() -> None:
 
 
 def test_goals_within_the_margin_are_reached_the_shortest_way() -> None:
-    way = found(routes(BLOCK), (0.0, -2, 1), (0.3, 0.72, 1))
+    way = path_points(routes(BLOCK), (0.0, -2, 1), (0.3, 0.72, 1))
     assert way[-1].tolist() == [0.3, 0.72, 1]
     assert way[-2] == pytest.approx([0.3, 0.5 + KEPT, 1], abs=0.02 * KEPT)
