@@ -58,7 +58,7 @@ class Flown:
         return self.position[-1]
 
 
-def seen(swarm: PointMasses, located: Mask) -> Estimate:
+def estimate_of(swarm: PointMasses, located: Mask) -> Estimate:
     """Return the estimate; NaN for agents that are not located."""
     whole = swarm.estimate()
     valid = located & np.ones(len(swarm.phase), np.bool_)
@@ -88,11 +88,11 @@ def fly(
     """
     planner = STRAIGHT.make(scene, **fill_defaults({}, STRAIGHT.options))
     swarm = PointMasses(start, phase=phase)
-    flown = Flown(limit=task.begin(seen(swarm, located(0.0)), swarm.health()))
+    flown = Flown(limit=task.begin(estimate_of(swarm, located(0.0)), swarm.health()))
     goals = Goals.none(len(scene.agents))
     for tick in range(round(longest / scene.period)):
         flown.time = tick * scene.period
-        now = seen(swarm, located(flown.time))
+        now = estimate_of(swarm, located(flown.time))
         flown.position.append(swarm.position.copy())
         flown.yaw.append(swarm.yaw.copy())
         step = task.step(now, swarm.health())
@@ -124,8 +124,8 @@ def problems(
     """Return what a verb's check finds."""
     spec = SPEC[verb]
     assert spec.check is not None
-    found = spec.check(scene, rows, **fill_defaults(options, spec.options))
-    return [(problem.path, problem.message) for problem in found]
+    faults = spec.check(scene, rows, **fill_defaults(options, spec.options))
+    return [(problem.path, problem.message) for problem in faults]
 
 
 class Changing:

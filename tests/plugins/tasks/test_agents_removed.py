@@ -73,10 +73,10 @@ def test_an_agent_that_stays_climbs_and_descends(
     task = make(verb, scene(3), (0, 1, 2))
     task.begin(now, health(3, begins))
     task.step(now, health(3, begins))
-    there = Health(phases, np.full(3, 4.0), np.zeros(3))
-    assert task.step(now, there).status is Status.RUNNING
+    at_end = Health(phases, np.full(3, 4.0), np.zeros(3))
+    assert task.step(now, at_end).status is Status.RUNNING
     task.on_agents_removed(STAYING)
-    assert task.step(now, there).status is Status.SUCCESS
+    assert task.step(now, at_end).status is Status.SUCCESS
 
 
 def test_agents_that_wait_get_no_goals() -> None:

@@ -89,8 +89,8 @@ def test_the_point_waits_for_an_agent_that_lags() -> None:
 def test_the_point_waits_while_its_agent_is_not_located() -> None:
     room = scene(1)
     task = make("follow", room, (0,), **CIRCLE)
-    seen = lambda time: np.array([not 5.0 <= time < 25.0])  # noqa: E731 -- read with the call
-    flown = fly(task, room, [[1.0, 0.0, 0.8]], located=seen)
+    located = lambda time: np.array([not 5.0 <= time < 25.0])  # noqa: E731 -- read with the call
+    flown = fly(task, room, [[1.0, 0.0, 0.8]], located=located)
     assert flown.goals[110].position.tolist() == flown.goals[490].position.tolist()
     assert flown.status is Status.SUCCESS
 
@@ -164,8 +164,8 @@ def test_points_shifted_into_an_obstacle_are_reported_with_shift(tmp_path: Path)
     pillar = Obstacle("pillar", (((0.7, 0.9), (1.1, 0.9), (1.1, 1.1), (0.7, 1.1)),), (0.0, 2.0))
     room = with_file(tmp_path, 2, "x,y,z\n0.5,-1,0.8\n0.5,1,0.8\n0,2,0.8\n")
     room = replace(room, world=replace(room.world, obstacles=(pillar,)))
-    found = problems("follow", room, (0, 1), file="path.csv")
-    assert found == [
+    faults = problems("follow", room, (0, 1), file="path.csv")
+    assert faults == [
         (
             ("file",),
             "path.csv:3, shifted by [0.3, 0, 0] for one of 2 agents: "

@@ -52,7 +52,7 @@ def test_in_the_map_the_frames_lie_side_by_side(room: Scene) -> None:
     (command,) = flown.commands
     assert np.abs(command.position[0] - command.position[1]).max() == pytest.approx(1.0)
     assert command.position[0, 0] > command.position[1, 0]
-    before = next(i for i, one in enumerate(flown.goals) if one.velocity.any())
+    before = next(i for i, goals in enumerate(flown.goals) if goals.velocity.any())
     assert np.linalg.norm(flown.track[before] - command.position, axis=1).max() <= 0.15
 
 
@@ -63,14 +63,14 @@ def test_what_is_led_off_board_orders_nothing(room: Scene) -> None:
 
 
 def test_equal_files_are_one_trajectory(room: Scene) -> None:
-    one, other = (make("follow", room, (i,), **ON_BOARD, timescale=1.0 + i) for i in range(2))
-    assert one.trajectories == other.trajectories
+    first, second = (make("follow", room, (i,), **ON_BOARD, timescale=1.0 + i) for i in range(2))
+    assert first.trajectories == second.trajectories
 
 
 def test_the_points_move_in_the_commanders_time(room: Scene) -> None:
     flown = fly(make("follow", room, (0, 1), **ON_BOARD), room, HERE)
-    goals = np.array([one.position[0, 0] - HERE[0][0] for one in flown.goals])
-    begun = next(i for i, one in enumerate(flown.goals) if one.velocity.any()) - 1
+    goals = np.array([table.position[0, 0] - HERE[0][0] for table in flown.goals])
+    begun = next(i for i, table in enumerate(flown.goals) if table.velocity.any()) - 1
     u = np.clip((np.arange(len(goals)) - begun) * room.period / HALF, 0, 2)
     x = np.where(u < 1, smooth(u), WAY - smooth(u - 1))
     assert goals == pytest.approx(x, abs=1e-9)
@@ -92,7 +92,7 @@ def test_they_look_where_it_begins_before_they_set_out(tmp_path: Path) -> None:
     room = with_file(tmp_path, there_and_back(yaw=(2.0, *NOTHING[1:])), 2)
     task = make("follow", room, (0,), **ON_BOARD)
     flown = fly(task, room, HERE)
-    begun = next(i for i, one in enumerate(flown.goals) if one.velocity.any())
+    begun = next(i for i, goals in enumerate(flown.goals) if goals.velocity.any())
     assert abs(flown.yaw[begun][0] - 2.0) < np.radians(16)
     assert flown.status is Status.SUCCESS
 
@@ -166,12 +166,12 @@ def test_on_board_polynomials_do_not_depend_on_heading(tmp_path: Path) -> None:
     summary, ticks = flown_mission(tmp_path, ALONE)
     assert summary["outcome"] == "completed", summary["reason"]
     on_board = [tick for tick in ticks if tick.doing == "follow cf1" and not tick.sent.active.any()]
-    begun, here = on_board[0].time, on_board[0].truth.position[0]  # type: ignore[union-attr]
+    begun, start = on_board[0].time, on_board[0].truth.position[0]  # type: ignore[union-attr]
     for tick in on_board:
         assert tick.truth is not None
         u = min((tick.time - begun) / (1.5 * HALF), 2.0)
         x = smooth(np.array(u)) if u < 1 else WAY - smooth(np.array(u - 1))
-        assert tick.truth.position[0] - here == pytest.approx([x, 0, 0], abs=0.02)
+        assert tick.truth.position[0] - start == pytest.approx([x, 0, 0], abs=0.02)
     assert on_board[-1].time - begun == pytest.approx(2 * 1.5 * HALF, abs=0.11)
 
 

@@ -46,21 +46,25 @@ def test_each_agent_goes_by_the_offset_from_where_it_is() -> None:
 
 
 @pytest.mark.parametrize(
-    ("goal", "known", "start"),
+    ("goal", "has_goal", "start"),
     [(0.8, 1, [0.0, 0.0, 0.8]), (0.8, 0, [0.1, 0.0, 0.65]), (1.2, 1, [0.1, 0.0, 0.65])],
     ids=["the agent sags", "without a goal", "the agent was on its way"],
 )
 def test_an_offset_counts_from_the_last_goal_nearby(
-    goal: float, known: int, start: list[float]
+    goal: float, has_goal: int, start: list[float]
 ) -> None:
     room = scene(1)
-    here = np.array([[0.1, 0.0, 0.65]])
+    position = np.array([[0.1, 0.0, 0.65]])
     last = Goals(
-        np.array([[0.0, 0.0, goal]]), here * 0, here[:, 0], here[:, 0], np.array([known > 0])
+        np.array([[0.0, 0.0, goal]]),
+        position * 0,
+        position[:, 0],
+        position[:, 0],
+        np.array([has_goal > 0]),
     )
     task = make("goto", room, (0,), by=[1.0, 0.0, 0.1])
     task.continue_from(last)
-    task.begin(estimate(here), health(1))
+    task.begin(estimate(position), health(1))
     assert task.goals.position[0] == pytest.approx(np.add(start, [1.0, 0.0, 0.1]))
 
 
@@ -159,7 +163,7 @@ def at(x: float, *, speed: float = 0.0, other: float = 1.5) -> Estimate:
 def test_agents_that_make_way_arrive(steps: list[Estimate], arrived: int) -> None:
     task = make("goto", scene(2), (0, 1), by=[1.0, 0.0, 0.0])
     task.begin(at(0.0), health(2))
-    statuses = [task.step(one, health(2)).status for one in steps]
+    statuses = [task.step(now, health(2)).status for now in steps]
     assert statuses == [Status.RUNNING] * arrived + [Status.SUCCESS] * (len(steps) - arrived)
 
 
@@ -205,10 +209,10 @@ def test_a_moving_goal_stays_where_agents_can_be() -> None:
     task = make("hold", room, (0,), relative_to="cf2", by=[0.0, 1.0, 0.0], moving=True)
     passed: list[float] = []
     for y in (0.0, 1.5, 2.5, 1.0):
-        there = estimate(np.array([[0.0, 0, 1], [1.0, y, 1]]))
+        now = estimate(np.array([[0.0, 0, 1], [1.0, y, 1]]))
         if not passed:
-            task.begin(there, health(2))
-        passed.append(task.step(there, health(2)).goals.position[0, 1])
+            task.begin(now, health(2))
+        passed.append(task.step(now, health(2)).goals.position[0, 1])
     assert passed == [1.0, 2.5, 2.5, 2.0]
 
 

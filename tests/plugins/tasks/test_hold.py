@@ -23,9 +23,9 @@ def test_agents_stay_where_they_are_for_the_time(options: dict[str, float], seco
 
 def test_the_time_counts_from_arrival() -> None:
     room = scene(1)
-    there = fly(make("goto", room, (0,), to=[2.0, 0.0, 1.0]), room, AIR[:1])
+    journey = fly(make("goto", room, (0,), to=[2.0, 0.0, 1.0]), room, AIR[:1])
     flown = fly(make("hold", room, (0,), at=[2.0, 0.0, 1.0], **{"for": 3.0}), room, AIR[:1])
-    assert flown.time == pytest.approx(there.time + 3.0)
+    assert flown.time == pytest.approx(journey.time + 3.0)
 
 
 def test_the_time_does_not_begin_before_all_are_located() -> None:

@@ -130,8 +130,8 @@ def test_an_agent_that_leaves_flies_home_and_lands_there() -> None:
     (command,) = flown.commands
     assert command.order is Order.LAND
     high = flown.track[:-1, 0, 2]
-    there = np.hypot(*(flown.track[:-1, 0, :2] - [-1.0, 0.0]).T) > 0.2
-    assert high[there] == pytest.approx(1.1, abs=0.05)
+    distant = np.hypot(*(flown.track[:-1, 0, :2] - [-1.0, 0.0]).T) > 0.2
+    assert high[distant] == pytest.approx(1.1, abs=0.05)
 
 
 def test_the_timeout_of_leave_covers_flight_and_descent() -> None:
@@ -144,10 +144,10 @@ def lands(*away: float, ticks: int = 60) -> bool:
     """Whether a leave lands an agent that is so far from its home, m, tick after tick."""
     task = make("leave", scene(1), (0,))
     for tick in range(ticks):
-        here = estimate(np.array([[away[min(tick, len(away) - 1)], 0.0, 1.0]]), time=tick / 20)
+        now = estimate(np.array([[away[min(tick, len(away) - 1)], 0.0, 1.0]]), time=tick / 20)
         if tick == 0:
-            task.begin(here, health(1))
-        if task.step(here, health(1)).commands:
+            task.begin(now, health(1))
+        if task.step(now, health(1)).commands:
             return True
     return False
 

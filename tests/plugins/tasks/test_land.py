@@ -51,12 +51,12 @@ def test_an_agent_that_lands_already_gets_no_second_order() -> None:
 
 def test_a_replacement_of_a_landing_agent_lands_too() -> None:
     room = scene(3)
-    task, here = make("land", room, (0, 1)), estimate(np.full((3, 3), 0.8))
-    task.begin(here, health(3))
-    task.step(here, health(3))
+    task, now = make("land", room, (0, 1)), estimate(np.full((3, 3), 0.8))
+    task.begin(now, health(3))
+    task.step(now, health(3))
     task.on_agent_replaced(1, 2)
     phase = np.array([AgentPhase.LANDING, AgentPhase.LANDING, AgentPhase.FLYING])
-    (command,) = task.step(here, replace(health(3), phase=phase)).commands
+    (command,) = task.step(now, replace(health(3), phase=phase)).commands
     assert command.agent.tolist() == [2]
 
 

@@ -21,8 +21,8 @@ centres = st.tuples(coordinates, coordinates, coordinates)
 def test_no_two_positions_are_closer_than_the_spacing(
     n: int, centre: tuple[float, float, float], spacing: float
 ) -> None:
-    for one, other in itertools.combinations(spread(n, centre, spacing), 2):
-        assert math.dist(one, other) >= spacing * (1 - 1e-9)
+    for point, other in itertools.combinations(spread(n, centre, spacing), 2):
+        assert math.dist(point, other) >= spacing * (1 - 1e-9)
 
 
 @given(sizes, centres, lengths)
@@ -45,20 +45,20 @@ def test_the_positions_are_compact(n: int, spacing: float) -> None:
 
 @pytest.mark.parametrize(("n", "distances"), [(1, [0]), (2, [0.5] * 2), (3, [0.577] * 3)])
 def test_few_agents_surround_the_goal(n: int, distances: list[float]) -> None:
-    found = [math.hypot(x, y) for x, y, _ in spread(n, (0, 0, 0), 1.0)]
-    assert found == pytest.approx(distances, abs=1e-3)
+    radii = [math.hypot(x, y) for x, y, _ in spread(n, (0, 0, 0), 1.0)]
+    assert radii == pytest.approx(distances, abs=1e-3)
 
 
 def test_seven_agents_make_a_ring_around_one() -> None:
-    found = sorted(math.hypot(x, y) for x, y, _ in spread(7, (0, 0, 0), 1.0))
-    assert found == pytest.approx([0.0] + [1.0] * 6)
+    radii = sorted(math.hypot(x, y) for x, y, _ in spread(7, (0, 0, 0), 1.0))
+    assert radii == pytest.approx([0.0] + [1.0] * 6)
 
 
 @given(centres, centres, st.floats(0.05, 3))
 def test_points_between_leave_no_gap_and_reach_both_ends(
-    one: tuple[float, float, float], other: tuple[float, float, float], step: float
+    start: tuple[float, float, float], end: tuple[float, float, float], step: float
 ) -> None:
-    found = list(points_between(one, other, step))
-    assert found[0] == pytest.approx(one)
-    assert found[-1] == pytest.approx(other)
-    assert all(math.dist(a, b) <= step + 1e-9 for a, b in itertools.pairwise(found))
+    points = list(points_between(start, end, step))
+    assert points[0] == pytest.approx(start)
+    assert points[-1] == pytest.approx(end)
+    assert all(math.dist(a, b) <= step + 1e-9 for a, b in itertools.pairwise(points))

@@ -20,10 +20,10 @@ shares = st.floats(0, 1)
 
 @given(lines, shares, shares)
 def test_path_points_are_no_farther_apart_than_along_the_path(
-    line: list[tuple[float, float, float]], one: float, other: float
+    line: list[tuple[float, float, float]], share: float, other: float
 ) -> None:
     path = Polyline(line)
-    distance = np.array([one, other]) * path.length
+    distance = np.array([share, other]) * path.length
     a, b = path.at(distance)[0]
     # A closed line begins anew at its end, which is the same point.
     assert np.linalg.norm(a - b) <= abs(distance[0] - distance[1]) + 1e-6

@@ -43,9 +43,9 @@ def test_trajectories_stay_between_their_start_and_end(time: float) -> None:
 def test_headers_of_crazyswarm_numpy_and_others_are_read(tmp_path: Path, header: str) -> None:
     text = there_and_back().replace(HEADER, header)
     (tmp_path / "path.csv").write_text(text, encoding="utf-8")
-    found = read_trajectory(tmp_path / "path.csv", "path.csv", "poly7")
-    assert found.lines.tolist() == [2, 3]
-    assert found.length == 8.0
+    trajectory = read_trajectory(tmp_path / "path.csv", "path.csv", "poly7")
+    assert trajectory.lines.tolist() == [2, 3]
+    assert trajectory.length == 8.0
 
 
 @pytest.mark.parametrize(
@@ -160,9 +160,9 @@ def test_trajectories_in_an_obstacle_are_reported_at_first_hit(tmp_path: Path) -
     room = with_file(tmp_path, there_and_back(), limits=replace(WIDE, height=(0.0, 2.0)))
     post = Obstacle("post", (((0.5, -1.0), (0.7, -1.0), (0.7, 1.0), (0.5, 1.0)),), (0.0, 2.0))
     room = replace(room, world=replace(room.world, obstacles=(post,)))
-    found = problems("follow", room, (0,), **POLY7, relative=False)
-    assert [message.split(": ")[0] for _, message in found] == ["path.csv:2", "path.csv:3"]
-    assert all("m from obstacle 'post'" in message for _, message in found)
+    faults = problems("follow", room, (0,), **POLY7, relative=False)
+    assert [message.split(": ")[0] for _, message in faults] == ["path.csv:2", "path.csv:3"]
+    assert all("m from obstacle 'post'" in message for _, message in faults)
 
 
 # Points with times
@@ -255,8 +255,8 @@ def test_times_in_waypoints_name_the_format(tmp_path: Path) -> None:
 
 
 def test_timed_points_without_a_heading_are_not_flown_on_board(tmp_path: Path) -> None:
-    found = problems("follow", with_file(tmp_path, TIMED), (0,), **timed(on_board=True))
+    faults = problems("follow", with_file(tmp_path, TIMED), (0,), **timed(on_board=True))
     assert (
         ("on_board",),
         "path.csv: has no column 'yaw_deg', which a flight on board needs",
-    ) in found
+    ) in faults

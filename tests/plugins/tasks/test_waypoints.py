@@ -23,19 +23,21 @@ def faults(folder: Path, file: str) -> list[str]:
 
 
 def test_points_are_read_with_the_lines_they_stand_on(tmp_path: Path) -> None:
-    found = read_waypoints(tmp_path / written(tmp_path, "x,y,z\n0,0,1\n\n1,2.5,1\n"), "path.csv")
-    assert found.point == ((0.0, 0.0, 1.0), (1.0, 2.5, 1.0))
-    assert found.line == (2, 4)
-    assert found.yaw_deg == ()
+    waypoints = read_waypoints(
+        tmp_path / written(tmp_path, "x,y,z\n0,0,1\n\n1,2.5,1\n"), "path.csv"
+    )
+    assert waypoints.point == ((0.0, 0.0, 1.0), (1.0, 2.5, 1.0))
+    assert waypoints.line == (2, 4)
+    assert waypoints.yaw_deg == ()
 
 
 def test_columns_may_stand_in_any_order_with_a_heading(tmp_path: Path) -> None:
-    found = read_waypoints(
+    waypoints = read_waypoints(
         tmp_path / written(tmp_path, "\ufeffyaw_deg, z, y, x\r\n90,1,2,3\r\n0,1,2,4\r\n"),
         "path.csv",
     )
-    assert found.point == ((3.0, 2.0, 1.0), (4.0, 2.0, 1.0))
-    assert found.yaw_deg == (90.0, 0.0)
+    assert waypoints.point == ((3.0, 2.0, 1.0), (4.0, 2.0, 1.0))
+    assert waypoints.yaw_deg == (90.0, 0.0)
 
 
 @pytest.mark.parametrize(
@@ -67,8 +69,8 @@ def test_problems_are_reported_with_their_line(
 
 
 def test_every_invalid_line_is_reported(tmp_path: Path) -> None:
-    found = faults(tmp_path, written(tmp_path, "x,y,z\n0,0,b\n1,1,1\n0,c,0\n"))
-    assert [message.split(":")[1] for message in found] == ["2", "4"]
+    messages = faults(tmp_path, written(tmp_path, "x,y,z\n0,0,b\n1,1,1\n0,c,0\n"))
+    assert [message.split(":")[1] for message in messages] == ["2", "4"]
 
 
 @pytest.mark.parametrize("data", [b"\xff\xfe\x00", b'x,y,z\n"0,1,2\n'])

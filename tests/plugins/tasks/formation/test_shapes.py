@@ -97,7 +97,7 @@ def test_the_least_distance_is_that_of_the_closest_two_positions(
 ) -> None:
     figure = made(agents, **options, yaw_deg=turn)
     pairs = combinations(figure.position, 2)
-    least = min((math.dist(one, other) for one, other in pairs), default=math.inf)
+    least = min((math.dist(position, other) for position, other in pairs), default=math.inf)
     assert figure.min_distance == pytest.approx(least, abs=1e-9)
 
 

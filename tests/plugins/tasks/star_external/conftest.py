@@ -78,8 +78,8 @@ def external(server: TcpServer, room: Scene) -> Callable[..., External]:
 
     def made(scene: Scene = room, **options: Any) -> External:
         filled = fill_defaults({"rate": None, **options}, {"properties": PROCESS_OPTIONS})
-        given = {key: value for key, value in filled.items() if key not in {"port", "listen"}}
-        return External(scene, (0, 1), ProcessSource(scene, server, **given))
+        arguments = {key: value for key, value in filled.items() if key not in {"port", "listen"}}
+        return External(scene, (0, 1), ProcessSource(scene, server, **arguments))
 
     return made
 
@@ -102,5 +102,5 @@ def offered(**planners: Callable[..., object]) -> TaskSpec:
     for name, make in planners.items():
         plugin = Offering(make, name.removeprefix("their_"))
         registry.add(plugin, Source(f"{name.replace('_', '-')}-dist:{name}", "1.0"))
-    found: TaskSpec = registry.find("task", "external").offer
-    return found
+    spec: TaskSpec = registry.find("task", "external").offer
+    return spec

@@ -129,11 +129,11 @@ def test_agents_keep_what_they_do_until_they_are_given_goals(
 
 def test_agents_are_sent_to_the_goals(client: Any, task: External) -> None:
     goal = {"position": [0.5, 0.5, 1.0], "velocity": [0.1, 0, 0], "yaw": 1.0, "speed": 0.3}
-    given = goals(flying(task, client, {"goals": {"cf2": goal}}))
-    assert given.active.tolist() == [False, True, False]
-    assert given.position[1].tolist() == [0.5, 0.5, 1.0]
-    assert given.velocity[1].tolist() == [0.1, 0.0, 0.0]
-    assert (given.yaw[1], given.speed[1]) == (1.0, 0.3)
+    targets = goals(flying(task, client, {"goals": {"cf2": goal}}))
+    assert targets.active.tolist() == [False, True, False]
+    assert targets.position[1].tolist() == [0.5, 0.5, 1.0]
+    assert targets.velocity[1].tolist() == [0.1, 0.0, 0.0]
+    assert (targets.yaw[1], targets.speed[1]) == (1.0, 0.3)
     flying(task, client, SOMEWHERE)
     kept = goals(step(task, 0.05))  # a goal stays until there is another
     assert kept.position[0].tolist() == [0.5, 0.5, 1.0]
@@ -275,9 +275,9 @@ def test_a_client_that_comes_back_is_greeted_and_flies_on(external: Make, connec
     while door_of(task).connected:
         step(task, 0.05)
     client = connect()
-    given = flying(task, client, SOMEWHERE, time=0.5)
+    output = flying(task, client, SOMEWHERE, time=0.5)
     assert client.receive()["star"] == 1
-    assert goals(given).position[0].tolist() == [0.5, 0.5, 1.0]
+    assert goals(output).position[0].tolist() == [0.5, 0.5, 1.0]
 
 
 def test_the_step_fails_if_no_client_connects(external: Make) -> None:
@@ -298,8 +298,8 @@ def test_in_lock_step_the_computers_time_counts(external: Make) -> None:
 def test_in_lock_step_each_state_has_one_answer(external: Make, connect: Connect) -> None:
     client, task = connect(), begun(external(response_timeout=SOON))
     client.send(*({"goals": {"cf1": {"position": [i, 0, 1]}}} for i in range(4)))
-    given = [goals(step(task, tick * 0.05)).position[0, 0] for tick in range(4)]
-    assert given == [0.0, 1.0, 2.0, 3.0]
+    positions = [goals(step(task, tick * 0.05)).position[0, 0] for tick in range(4)]
+    assert positions == [0.0, 1.0, 2.0, 3.0]
 
 
 def test_in_lock_step_a_wrong_line_is_an_answer(external: Make, connect: Connect) -> None:
@@ -312,8 +312,8 @@ def test_in_lock_step_a_wrong_line_is_an_answer(external: Make, connect: Connect
 def test_in_lock_step_only_states_are_answered(external: Make, connect: Connect) -> None:
     client, task = connect(), begun(external(response_timeout=SOON, rate=10))
     client.send(*({"goals": {"cf1": {"position": [i, 0, 1]}}} for i in range(2)))
-    given = [goals(step(task, tick * 0.05)).position[0, 0] for tick in range(4)]
-    assert given == [0.0, 0.0, 1.0, 1.0]
+    positions = [goals(step(task, tick * 0.05)).position[0, 0] for tick in range(4)]
+    assert positions == [0.0, 0.0, 1.0, 1.0]
 
 
 def test_lockstep_does_not_wait_twice_for_a_late_answer(external: Make, connect: Connect) -> None:
@@ -355,15 +355,15 @@ def test_goals_of_a_removed_agent_are_dropped_and_refused(client: Any, task: Ext
 def test_a_replacement_inherits_the_goal(client: Any, task: External) -> None:
     flying(task, client, SOMEWHERE)
     task.on_agent_replaced(0, 2)
-    given = goals(step(task, 0.05))
-    assert given.active.tolist() == [False, False, True]
-    assert given.position[2].tolist() == [0.5, 0.5, 1.0]
+    targets = goals(step(task, 0.05))
+    assert targets.active.tolist() == [False, False, True]
+    assert targets.position[2].tolist() == [0.5, 0.5, 1.0]
 
 
 def test_an_agent_that_joins_can_be_given_goals(client: Any, task: External) -> None:
     task.on_agents_added((0, 1, 2))
-    given = goals(flying(task, client, {"goals": {"cf3": {"position": [0, 0, 1]}}}))
-    assert given.active.tolist() == [False, False, True]
+    targets = goals(flying(task, client, {"goals": {"cf3": {"position": [0, 0, 1]}}}))
+    assert targets.active.tolist() == [False, False, True]
 
 
 def test_a_step_takes_the_port_over_from_one_that_was_ended(
@@ -382,17 +382,17 @@ def test_a_step_takes_the_port_over_from_one_that_was_ended(
 
 def test_two_steps_at_once_cannot_have_one_port(external: Make, connect: Connect) -> None:
     connect()
-    one, other = begun(external(lockstep=False)), begun(external(lockstep=False))
-    step(one)
-    step(other)
-    step(one, 0.05)
-    ended = step(other, 0.05)
-    host, port = door_of(one).address
+    first, second = begun(external(lockstep=False)), begun(external(lockstep=False))
+    step(first)
+    step(second)
+    step(first, 0.05)
+    ended = step(second, 0.05)
+    host, port = door_of(first).address
     assert ended.status is Status.FAILURE
     assert ended.reason == (
         f"another running step listens on {host}:{port}; give each step its own 'port'"
     )
-    assert step(one, 0.1).status is Status.RUNNING
+    assert step(first, 0.1).status is Status.RUNNING
 
 
 @pytest.mark.parametrize("rate", [None, 10])

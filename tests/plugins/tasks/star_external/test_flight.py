@@ -52,9 +52,11 @@ def lead_up(lines: TextIO, dawdle: random.Random) -> None:
             continue
         if dawdle.random() < 0.1:
             time.sleep(0.02 * dawdle.random())
-        here = {name: agent["position"] for name, agent in state["agents"].items()}
-        goals = {name: {"position": [x, y, min(z + 0.2, 1.5)]} for name, (x, y, z) in here.items()}
-        over = all(z > 1.2 for _, _, z in here.values())
+        positions = {name: agent["position"] for name, agent in state["agents"].items()}
+        goals = {
+            name: {"position": [x, y, min(z + 0.2, 1.5)]} for name, (x, y, z) in positions.items()
+        }
+        over = all(z > 1.2 for _, _, z in positions.values())
         print(json.dumps({"done": True} if over else {"goals": goals}), file=lines, flush=True)
 
 

@@ -77,9 +77,9 @@ def test_what_a_planner_is_made_with_are_the_scene_and_the_rows(made: Any) -> No
 
 def test_goals_may_be_made_of_arrays(made: Any) -> None:
     position = np.array([0.5, 0.5, 1.0], np.float32)
-    given = goals(step(made(Scripted({"cf1": Goal(position, yaw=np.float32(1))}))))  # type: ignore[arg-type]
-    assert given.position[0].tolist() == [0.5, 0.5, 1.0]
-    assert given.yaw[0] == 1.0
+    targets = goals(step(made(Scripted({"cf1": Goal(position, yaw=np.float32(1))}))))  # type: ignore[arg-type]
+    assert targets.position[0].tolist() == [0.5, 0.5, 1.0]
+    assert targets.yaw[0] == 1.0
 
 
 @pytest.mark.parametrize(
@@ -117,9 +117,9 @@ def test_the_planner_is_asked_for_the_agents_of_the_step(made: Any) -> None:
     task.on_agents_removed((1,))
     assert goals(step(task)).active.tolist() == [False, True, False]
     task.on_agent_replaced(1, 2)
-    given = goals(step(task))
-    assert given.active.tolist() == [False, False, True]
-    assert given.position[2].tolist() == [0.5, 0.5, 1.0]
+    targets = goals(step(task))
+    assert targets.active.tolist() == [False, False, True]
+    assert targets.position[2].tolist() == [0.5, 0.5, 1.0]
     task.on_agents_added((2, 1))
     assert goals(step(task)).active.tolist() == [False, True, True]
     assert [rows for _, rows in planner.asked] == [(0, 1), (1,), (2,), (2, 1)]
@@ -164,12 +164,12 @@ def test_planner_goals_outside_the_fence_are_refused(
     room: Scene = scene(3)
     task = made(Scripted({"cf1": Goal(position, yaw=yaw)}))
     try:
-        given = goals(step(task))
+        targets = goals(step(task))
     except PluginError as error:
         assert str(error).startswith(f"{LABEL}cf1: ")  # noqa: PT017 -- whichever it is
         return
     assert room.world.fault(position) is None
-    assert np.isfinite(given.yaw).all()
+    assert np.isfinite(targets.yaw).all()
 
 
 @pytest.mark.parametrize(

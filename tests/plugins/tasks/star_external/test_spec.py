@@ -36,12 +36,12 @@ def problems_of(*planners: str, **options: Any) -> list[tuple[tuple[str | int, .
 
 def test_steps_of_one_flight_share_a_port_which_the_next_flight_can_open(offer: TaskSpec) -> None:
     for _flight in range(2):
-        one: Any = made(offer, port=0)
-        other: Any = made(offer, (1,), port=0)
-        assert one._source.server.address == other._source.server.address
-        assert one._source.server.address[0] == "127.0.0.1"
-        one.close()
-        other.close()
+        first: Any = made(offer, port=0)
+        second: Any = made(offer, (1,), port=0)
+        assert first._source.server.address == second._source.server.address
+        assert first._source.server.address[0] == "127.0.0.1"
+        first.close()
+        second.close()
 
 
 @pytest.mark.parametrize(

@@ -101,13 +101,13 @@ def test_an_agent_that_turns_fast_sees_nothing() -> None:
     space = SearchSpace(
         room, (0,), area=None, height=0.8, speed=0.3, lane_spacing=None, clearance=0.3
     )
-    here = estimate(np.array([[-1.0, -1.0, 0.8]]))
+    now = estimate(np.array([[-1.0, -1.0, 0.8]]))
     for tick in range(20):
-        space.observe(replace(here, time=tick * 0.1, yaw=np.array([tick * 0.2])), (0,))
+        space.observe(replace(now, time=tick * 0.1, yaw=np.array([tick * 0.2])), (0,))
     # 2 rad/s; only the first look, before which nothing is known of the turn, counts
     assert space.coverage.fraction == 0.0
     for tick in range(20, 24):
-        space.observe(replace(here, time=tick * 0.1, yaw=np.array([0.0])), (0,))
+        space.observe(replace(now, time=tick * 0.1, yaw=np.array([0.0])), (0,))
     assert space.coverage.fraction > 0.0
 
 
@@ -122,5 +122,5 @@ def test_many_poses_are_answered_as_one_by_one(n: int) -> None:
     pose = np.random.default_rng(n).uniform(-2, 2, (n, 3))
     together = coverage.visible(VIEW, pose)
     assert together.shape == (n, len(VIEW.points))
-    alone = [coverage.visible(VIEW, one[None])[0].tolist() for one in pose]
+    alone = [coverage.visible(VIEW, row[None])[0].tolist() for row in pose]
     assert together.tolist() == alone

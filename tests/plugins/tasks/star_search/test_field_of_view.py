@@ -36,14 +36,14 @@ def test_the_simulated_camera_finds_every_tag_in_view(pitch: float) -> None:
             for n, (x, y) in enumerate(points)
             if (round(x / 0.1) % 3, round(y / 0.1) % 3) == (i, j)
         ]
-        found = OnboardDetector(camera, tags, world).detect(body)[0].tolist()
-        assert sorted(found) == [tag.id for tag in tags]
+        ids = OnboardDetector(camera, tags, world).detect(body)[0].tolist()
+        assert sorted(ids) == [tag.id for tag in tags]
 
 
 def test_a_camera_that_looks_ahead_shows_what_is_ahead() -> None:
-    seen = field_of_view(Camera(), 0.8, SIZE, 0.1)
-    assert 0.3 < seen.near < seen.far < 1.2
-    assert seen.reach >= seen.far
+    view = field_of_view(Camera(), 0.8, SIZE, 0.1)
+    assert 0.3 < view.near < view.far < 1.2
+    assert view.reach >= view.far
 
 
 def test_a_camera_that_looks_down_shows_what_is_below() -> None:
@@ -71,17 +71,17 @@ def test_a_larger_tag_is_made_out_farther_away(camera: Camera, height: float, mo
 def test_an_agent_that_flies_faster_sees_no_wider_strip(
     camera: Camera, height: float, speed: float, times: float
 ) -> None:
-    seen = field_of_view(camera, height, SIZE, 0.05)
-    assert swath(seen, times * speed, 10.0) <= swath(seen, speed, 10.0)
+    view = field_of_view(camera, height, SIZE, 0.05)
+    assert swath(view, times * speed, 10.0) <= swath(view, speed, 10.0)
 
 
 @given(cameras, heights)
 def test_a_strip_is_no_wider_than_the_view(camera: Camera, height: float) -> None:
-    seen = field_of_view(camera, height, SIZE, 0.05)
-    width = max((y for _, y in seen.points), default=0) - min(
-        (y for _, y in seen.points), default=0
+    view = field_of_view(camera, height, SIZE, 0.05)
+    width = max((y for _, y in view.points), default=0) - min(
+        (y for _, y in view.points), default=0
     )
-    assert swath(seen, 0.3, 10.0) <= width + 0.05 + 1e-9
+    assert swath(view, 0.3, 10.0) <= width + 0.05 + 1e-9
 
 
 def test_nothing_in_view_is_no_strip() -> None:

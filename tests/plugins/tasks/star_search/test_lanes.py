@@ -104,6 +104,6 @@ def test_nothing_is_cut_into_empty_shares() -> None:
 def test_agents_get_the_nearest_piece_from_its_near_end() -> None:
     west = [Lane(np.array([0.0, 0.0]), np.array([1.0, 0.0]))]
     east = [Lane(np.array([5.0, 0.0]), np.array([6.0, 0.0]))]
-    given = assign_sections([west, east], np.array([[6.0, 1.0], [0.0, 1.0]]))
-    assert given[0][0].start.tolist() == [6.0, 0.0]
-    assert given[1][0].start.tolist() == [0.0, 0.0]
+    sections = assign_sections([west, east], np.array([[6.0, 1.0], [0.0, 1.0]]))
+    assert sections[0][0].start.tolist() == [6.0, 0.0]
+    assert sections[1][0].start.tolist() == [0.0, 0.0]

@@ -148,9 +148,9 @@ def test_two_scouts_do_not_go_to_see_the_same() -> None:
 
     room = hall(2)
     frontier = Frontier(field_of(room))
-    here = estimate(np.array([[*agent.start[:2], 0.8] for agent in room.agents]))
-    frontier.begin(here, (0, 1))
-    frontier.waypoints(here, (0, 1))
+    now = estimate(np.array([[*agent.start[:2], 0.8] for agent in room.agents]))
+    frontier.begin(now, (0, 1))
+    frontier.waypoints(now, (0, 1))
     first, second = (set(trip.cells.tolist()) for trip in frontier._trips.values())
     assert first
     assert second

@@ -37,15 +37,17 @@ def test_its_time_out_does_not_wait_for_a_location() -> None:
 
 
 @pytest.mark.parametrize(
-    ("options", "found"),
+    ("options", "expected"),
     [({"targets": 1}, 1), ({}, 2), ({"targets": 0}, None)],
     ids=["enough", "all of the world", "none wanted"],
 )
-def test_targets_end_it_or_it_covers_the_area(options: dict[str, Any], found: int | None) -> None:
+def test_targets_end_it_or_it_covers_the_area(
+    options: dict[str, Any], expected: int | None
+) -> None:
     flown = search(hall(2, targets=TWO), **options)
     assert flown.status is Status.SUCCESS
-    assert (flown.space.coverage.fraction >= 0.99) is (found is None)
-    assert found in {None, (flown.finder >= 0).sum()}
+    assert (flown.space.coverage.fraction >= 0.99) is (expected is None)
+    assert expected in {None, (flown.finder >= 0).sum()}
 
 
 @pytest.mark.parametrize("options", [{}, {"targets": 1}])

@@ -44,8 +44,8 @@ class Offering:
 
 
 def offered(*plugins: object) -> TaskSpec:
-    found: TaskSpec = Registry(*plugins, star_search, installed=False).find("task", "search").offer
-    return found
+    spec: TaskSpec = Registry(*plugins, star_search, installed=False).find("task", "search").offer
+    return spec
 
 
 def test_an_installed_pattern_is_offered_and_made() -> None:
