@@ -174,7 +174,10 @@ class Language:
             return {"include": {"file": PART, "with": {"team": named, "seconds": self._one(0, 2)}}}
         if kind == "join":
             assert movers is not None
-            named, count = self._one(*([one for one in self._idle if one in movers] or movers)), 1
+            named, count = (
+                self._one(*([name for name in self._idle if name in movers] or movers)),
+                1,
+            )
         options = getattr(self, f"_{kind}")(count)
         common = self._common(named)
         return {kind: common | options}
@@ -259,8 +262,8 @@ class Language:
     def _follow(self, agents: int) -> Data:
         path = self._one("box", "circle", "figure8") if agents == 1 else "box"
         centre = [0.0, 0.0, self._one(*HEIGHTS)]
-        given = {"path": path, "size": 2.0, "centre": centre, "spacing": 0.5}
-        return {**given, "speed": 0.5, "heading": self._one("fixed", "along")}
+        shape = {"path": path, "size": 2.0, "centre": centre, "spacing": 0.5}
+        return {**shape, "speed": 0.5, "heading": self._one("fixed", "along")}
 
     def _formation(self, agents: int) -> Data:
         shape = self._one("line", "grid", "circle", "points")

@@ -56,12 +56,12 @@ class Trouble:
 
 def troubles(agents: int) -> st.SearchStrategy[tuple[Trouble, ...]]:
     """Up to three troubles; one of three missions has none."""
-    one = st.builds(
+    trouble = st.builds(
         Trouble,
         st.sampled_from(AGENT_TROUBLES * 2 + PART_TROUBLES),
         st.integers(0, agents - 1),
         st.integers(1, 200).map(lambda tenths: tenths / 10),
         st.sampled_from([0.3, 2.0, 1e9, 1e9]),
     )
-    some = st.lists(one, min_size=1, max_size=3).map(tuple)
+    some = st.lists(trouble, min_size=1, max_size=3).map(tuple)
     return st.one_of(st.just(()), some, some)

@@ -17,8 +17,8 @@ from tests.campaign.fault_cells import CELLS
 
 
 def cell(name: str) -> Any:
-    (found,) = (one for one in CELLS if one.name == name)
-    return found
+    (fault_cell,) = (candidate for candidate in CELLS if candidate.name == name)
+    return fault_cell
 
 
 @pytest.mark.extended
@@ -40,42 +40,42 @@ def test_a_stuck_flow_sensor_lets_no_drone_drift_away(seed: int) -> None:
 
 def witness() -> Any:
     """Two drones that hover at 1 m for a second, 1 m apart, and are on the ground at 10 s."""
-    seen = fault_flight.Witness(cell("a motor stops"), 3.0)
-    seen.names, seen.speed_limit, seen.speed = ("cf1", "cf2"), 0.5, 0.5
-    seen.time = [2.0, 3.0, 10.0]
-    seen.truth = [np.array([[x, 0, z, 0, 0, 0] for x in (0.0, 1.0)]) for z in (1.0, 1.0, 0.0)]
-    seen.events = [Event(3.1, "safety", "cf1 lands: tumbled", "cf1")]
-    return seen
+    flight = fault_flight.Witness(cell("a motor stops"), 3.0)
+    flight.names, flight.speed_limit, flight.speed = ("cf1", "cf2"), 0.5, 0.5
+    flight.time = [2.0, 3.0, 10.0]
+    flight.truth = [np.array([[x, 0, z, 0, 0, 0] for x in (0.0, 1.0)]) for z in (1.0, 1.0, 0.0)]
+    flight.events = [Event(3.1, "safety", "cf1 lands: tumbled", "cf1")]
+    return flight
 
 
-def collide(seen: Any) -> None:
-    seen.truth[0][1, 0] = 0.1
+def collide(flight: Any) -> None:
+    flight.truth[0][1, 0] = 0.1
 
 
-def leave(seen: Any) -> None:
-    seen.truth[1][0, 1] = 2.3
+def leave(flight: Any) -> None:
+    flight.truth[1][0, 1] = 2.3
 
 
-def send_nan(seen: Any) -> None:
-    seen.finite = False
+def send_nan(flight: Any) -> None:
+    flight.finite = False
 
 
-def hurry(seen: Any) -> None:
-    seen.speed = 0.6
+def hurry(flight: Any) -> None:
+    flight.speed = 0.6
 
 
-def linger(seen: Any) -> None:
-    seen.time.insert(2, 20.0)
-    seen.truth.insert(2, seen.truth[1])
-    seen.time[3] = 30.0
+def linger(flight: Any) -> None:
+    flight.time.insert(2, 20.0)
+    flight.truth.insert(2, flight.truth[1])
+    flight.time[3] = 30.0
 
 
-def drop_the_other(seen: Any) -> None:
-    seen.truth[2][1, 5] = -2.0
+def drop_the_other(flight: Any) -> None:
+    flight.truth[2][1, 5] = -2.0
 
 
-def say_nothing(seen: Any) -> None:
-    seen.events = [Event(3.1, "safety", "cf2 lands: tumbled", "cf2")]
+def say_nothing(flight: Any) -> None:
+    flight.events = [Event(3.1, "safety", "cf2 lands: tumbled", "cf2")]
 
 
 @pytest.mark.parametrize(
@@ -91,14 +91,14 @@ def say_nothing(seen: Any) -> None:
     ],
 )
 def test_every_policy_can_be_broken(breaks: Callable[[Any], None], policy: str) -> None:
-    seen = witness()
-    judge = (seen._cell, seen, 0, 3.0, ["cf1"])
+    flight = witness()
+    judge = (flight._cell, flight, 0, 3.0, ["cf1"])
     assert fault_flight.judged(*judge, readable=True)["broken"] == []
     assert fault_flight.judged(*judge, readable=False)["broken"] == ["record"]
-    assert fault_flight.judged(seen._cell, seen, 1, 3.0, ["cf1"], readable=True)["broken"] == [
+    assert fault_flight.judged(flight._cell, flight, 1, 3.0, ["cf1"], readable=True)["broken"] == [
         "status"
     ]
-    breaks(seen)
+    breaks(flight)
     assert fault_flight.judged(*judge, readable=True)["broken"] == [policy]
 
 
@@ -107,13 +107,13 @@ def test_the_loss_of_one_agent_does_not_fail_the_mission(
     agent: str | None, broken: list[str]
 ) -> None:
     """The other lands 17 s later, and the mission fails after that for want of a report."""
-    seen = witness()
-    linger(seen)
-    seen.events.insert(0, Event(3.0, "failure", "cf1 is lost", agent))
-    seen.events.append(Event(40.0, "failure", "cf1 did not report to be on the ground"))
-    seen.truth[2][0, 2] = seen.truth[1][0, 2] = 0.0
-    failing = replace(seen._cell, status=(1,))
-    assert fault_flight.judged(failing, seen, 1, 3.0, ["cf1"], readable=True)["broken"] == broken
+    flight = witness()
+    linger(flight)
+    flight.events.insert(0, Event(3.0, "failure", "cf1 is lost", agent))
+    flight.events.append(Event(40.0, "failure", "cf1 did not report to be on the ground"))
+    flight.truth[2][0, 2] = flight.truth[1][0, 2] = 0.0
+    failing = replace(flight._cell, status=(1,))
+    assert fault_flight.judged(failing, flight, 1, 3.0, ["cf1"], readable=True)["broken"] == broken
 
 
 def test_a_file_of_results_is_continued_at_its_commit_only(tmp_path: Path) -> None:

@@ -73,13 +73,13 @@ def cuts(seed: int) -> list[LinkFaults]:
 
 def falls(folder: Path, flights: int, faults: LinkFaults | None) -> list[tuple[int, list[int]]]:
     """Fly several short flights; return the seeds of those with falls, and which drones fell."""
-    found = []
+    crashes = []
     for seed in range(flights):
         each = cuts(seed) if faults is None else [faults] * N
         flight = flown(folder, n=N, seed=seed, faults=each)
         if flight.fallen:
-            found.append((seed, flight.fallen))
-    return found
+            crashes.append((seed, flight.fallen))
+    return crashes
 
 
 @pytest.mark.extended

@@ -39,7 +39,10 @@ BESIDE = 0.2  # m, `limits.separation` of first_flight.yaml, as it is if not giv
 
 
 IDEAL = [  # as drones of `Fleet` fly
-    *(f"--set=transport.{one}" for one in ("noise=false", "profile=ideal", "controller=ideal")),
+    *(
+        f"--set=transport.{option}"
+        for option in ("noise=false", "profile=ideal", "controller=ideal")
+    ),
     "--set=limits.uncertainty_margin=0",
 ]
 
@@ -107,7 +110,9 @@ def over_the_air(
             radio = f"use: radio, udp: cflib, {decks(scene, wifi)}{more}cache: '{folder.parent}'"
             settings += [f"transport={{{radio}}}", *changes]
             settings.append("limits.uncertainty_margin=0")
-            flight = star("run", mission, "--out", folder, *(f"--set={one}" for one in settings))
+            flight = star(
+                "run", mission, "--out", folder, *(f"--set={setting}" for setting in settings)
+            )
             times, places, behind, end = [], [], [], time.monotonic() + PATIENCE
             while flight.poll() is None and time.monotonic() < end:
                 now, where = time.monotonic(), fleet.simulator.drones["position"].copy()
@@ -132,10 +137,10 @@ def apart(flight: Flown, other: Flown, *, later: float = 0.0) -> float:
     """RMS distance of the drones in two flights, m; the other's clock is `later` by so much, s."""
     when = flight.time + later
     same = (when >= other.time[0]) & (when <= other.time[-1])
-    there = np.apply_along_axis(
+    other_position = np.apply_along_axis(
         lambda track: np.interp(when[same], other.time, track), 0, other.estimate
     )
-    away = np.linalg.norm(flight.estimate[same] - there, axis=2)
+    away = np.linalg.norm(flight.estimate[same] - other_position, axis=2)
     return float(np.sqrt(np.mean(away**2)))
 
 

@@ -26,13 +26,13 @@ def published() -> dict[tuple[str, str], tuple[float, float]]:
     """Return the interval of each mean square error, m², by path and level."""
     page = (ROOT / "docs/results.md").read_text()
     section = page.split("## Table 1 in the default world")[1].split("\n## ")[0]
-    found = {}
+    intervals = {}
     for row, level in ROWS.items():
         (line,) = re.findall(rf"^\| {re.escape(row)} \|(.*)\|$", section, re.MULTILINE)
         for path, cell in zip(PATHS, line.split("|"), strict=True):
             low, high = re.findall(r"\[([\d.]+), ([\d.]+)\]", cell)[0]
-            found[path, level] = float(low), float(high)
-    return found
+            intervals[path, level] = float(low), float(high)
+    return intervals
 
 
 def flown(folder: Path, measure: str) -> dict[tuple[str, str], float]:

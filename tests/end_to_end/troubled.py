@@ -41,8 +41,10 @@ class Troubled:
         """The installed plugins."""
         registry = Registry()
         for kind, named in registry._plugins.items():
-            for found in named.values():
-                found[:] = [Found(self._spoilt(kind, one.offer), one.source) for one in found]
+            for plugins in named.values():
+                plugins[:] = [
+                    Found(self._spoilt(kind, plugin.offer), plugin.source) for plugin in plugins
+                ]
         return registry
 
     def _spoilt(self, kind: str, offer: star.TaskSpec) -> star.TaskSpec:
@@ -78,7 +80,7 @@ class Troubled:
         return answer
 
     def _is(self, kind: str) -> bool:
-        return any(one.kind == kind and one.now(self._now) for one in self._troubles)
+        return any(trouble.kind == kind and trouble.now(self._now) for trouble in self._troubles)
 
     def _rows(self, *kinds: str) -> list[int]:
         """Rows of those whom one of some kinds befalls now."""
@@ -101,11 +103,13 @@ class Troubled:
     def _wait(self, part: Any, right: Callable[[float], float], until: float) -> float:
         if until > self._allowed():
             raise Endless(f"still flying at {until:.1f} s, {self._allowed():.1f} s were allowed")
-        for one in self._troubles:
-            if one.kind == "falls" and one.now(until) and one not in self._falls:
-                self._falls.add(one)
+        for trouble in self._troubles:
+            if trouble.kind == "falls" and trouble.now(until) and trouble not in self._falls:
+                self._falls.add(trouble)
                 zero = np.zeros(1)
-                stop = star.Command(Order.STOP, np.array([one.row]), np.zeros((1, 3)), zero, zero)
+                stop = star.Command(
+                    Order.STOP, np.array([trouble.row]), np.zeros((1, 3)), zero, zero
+                )
                 type(part).command(part, stop)
         self._now = right(until)
         return self._now

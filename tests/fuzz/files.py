@@ -197,12 +197,12 @@ def legacy(folder: Path) -> Iterator[Try]:
         (out / "m.yaml").unlink(missing_ok=True)
         said = StringIO()
         with redirect_stdout(said):
-            found = outcome(lambda: import_files(arguments), IMPORTED)
-        if found == "good" and not (out / "m.yaml").exists():
+            verdict = outcome(lambda: import_files(arguments), IMPORTED)
+        if verdict == "good" and not (out / "m.yaml").exists():
             return "not recognized as a mission"
-        if found == "good":
+        if verdict == "good":
             _assert_no_command_is_dropped(paths["m.yaml"], out / "m.yaml")
-        return found
+        return verdict
 
     with _plugins_found_once():
         yield attempt

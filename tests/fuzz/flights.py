@@ -59,8 +59,8 @@ def flown(draw: Draw, folder: Path, size: str) -> str:
     witness.reset()
     summary = fly(load(path, flight), flight)
     witness.watch_on()
-    if found := judged(witness, drawn.world, summary):
-        raise Broken("; ".join(found))
+    if defects := judged(witness, drawn.world, summary):
+        raise Broken("; ".join(defects))
     return "completed"
 
 

@@ -156,45 +156,49 @@ class Witness(SimulatorWitness):
 def judged(witness: Witness, world: Mapping[str, Any], summary: Mapping[str, Any]) -> list[str]:
     """Return what went wrong in a flight, one line each; empty if nothing did."""
     time, position = np.array(witness.time), np.array(witness.position)
-    found: list[str] = []
+    defects: list[str] = []
     if summary["outcome"] != "completed":
-        found.append(f"{summary['outcome']}: {summary['reason']}")
-    found += [
+        defects.append(f"{summary['outcome']}: {summary['reason']}")
+    defects += [
         f"step {step['location']} {step['verb']} of a completed mission: {step['outcome']}"
         for step in summary["steps"]
-        if step["outcome"] == "failure" and not found
+        if step["outcome"] == "failure" and not defects
     ]
-    found += _collisions(witness.names, time, position)
+    defects += _collisions(witness.names, time, position)
     for i, name in enumerate(witness.names):
         path, high = position[:, i], position[:, i, 2] > AIRBORNE
         for obstacle, form in world.get("obstacles", {}).items():
             near = np.where(high, clearance(form, path), np.inf)
             if near[k := int(near.argmin())] < MAX_CONTACT:
-                found.append(f"contact: {name}, {near[k]:.2f} m from {obstacle} at {time[k]:.1f} s")
+                defects.append(
+                    f"contact: {name}, {near[k]:.2f} m from {obstacle} at {time[k]:.1f} s"
+                )
         low, top = (np.array(world["fence"][end]) for end in ("low", "high"))
         outside = np.linalg.norm(np.maximum(np.maximum(low - path, path - top), 0.0), axis=1)
         if outside[k := int(outside.argmax())] > MAX_OUTSIDE:
-            found.append(f"fence: {name}, {outside[k]:.2f} m outside at {time[k]:.1f} s")
+            defects.append(f"fence: {name}, {outside[k]:.2f} m outside at {time[k]:.1f} s")
         sink = -np.array(witness.climb)[:, i]
         if sink[k := int(sink.argmax())] > MAX_IMPACT:
             what = "impact" if path[k, 2] < GROUND else "fall"
-            found.append(f"{what}: {name}, {sink[k]:.2f} m/s at {time[k]:.1f} s")
+            defects.append(f"{what}: {name}, {sink[k]:.2f} m/s at {time[k]:.1f} s")
         if high[-1]:
-            found.append(f"aloft: {name}, at {path[-1, 2]:.2f} m after the end")
+            defects.append(f"aloft: {name}, at {path[-1, 2]:.2f} m after the end")
         away = np.where(high, np.array(witness.away)[:, i], np.nan)
         if (begun := _stuck(time, path, away)) is not None:
-            found.append(f"deadlock: {name}, from {begun:.1f} s on")
-    return found
+            defects.append(f"deadlock: {name}, from {begun:.1f} s on")
+    return defects
 
 
 def _collisions(names: Sequence[str], time: np.ndarray, position: np.ndarray) -> list[str]:
-    found = []
+    collisions = []
     for i, j in combinations(range(len(names)), 2):
         apart = np.linalg.norm(position[:, i] - position[:, j], axis=1)
         high = (position[:, [i, j], 2] > AIRBORNE).any(axis=1)
         if (apart := np.where(high, apart, np.inf))[k := int(apart.argmin())] < MAX_COLLISION:
-            found.append(f"collision: {names[i]}, {names[j]}, {apart[k]:.2f} m at {time[k]:.1f} s")
-    return found
+            collisions.append(
+                f"collision: {names[i]}, {names[j]}, {apart[k]:.2f} m at {time[k]:.1f} s"
+            )
+    return collisions
 
 
 def _stuck(time: np.ndarray, path: np.ndarray, away: np.ndarray) -> float | None:

@@ -82,7 +82,7 @@ def crtp(data: bytes) -> None:
 
 
 READERS: Final[dict[str, Callable[[bytes], None]]] = {
-    one.__name__: one for one in (yaml, external, cpx, camera, crtp)
+    reader.__name__: reader for reader in (yaml, external, cpx, camera, crtp)
 }
 
 

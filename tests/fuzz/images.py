@@ -48,10 +48,10 @@ def streams(_folder: Path) -> Iterator[Try]:
             assert len(stream._rest) < MTU + 2
             assert len(stream._body) <= SHAPE[0] * SHAPE[1]
             data = data[size:]
-        found = counts.images - images
+        new_images = counts.images - images
         lost_frame = b"\xff\xff" * (MTU // 2 + 1)  # whatever frame it was in is over
         assert stream.feed(lost_frame + good + good, 0.0)
-        return f"{found} images"
+        return f"{new_images} images"
 
     yield attempt
 

@@ -164,17 +164,17 @@ def cpx(_folder: Path) -> Iterator[Try]:
 
     def attempt(draw: Draw) -> str:
         nonlocal decoder
-        stream, found = damaged(whole, draw), 0
+        stream, packets = damaged(whole, draw), 0
         try:
             while stream:
                 size = draw.choice((1, 2, 3, 50, 2000))
-                found += len(decoder.feed(stream[:size]))
+                packets += len(decoder.feed(stream[:size]))
                 assert len(decoder._rest) < MTU + 2
                 stream = stream[size:]
         except SyncError:
             decoder = Decoder()  # the client is disconnected
             return "disconnected"
-        return "packets" if found else "nothing"
+        return "packets" if packets else "nothing"
 
     yield attempt
 
@@ -185,8 +185,8 @@ def lines(_folder: Path) -> Iterator[Try]:
     room = scene(2)
     goal = {"position": [1.0, 0.0, 0.8], "velocity": [0.1, 0, 0], "yaw": 0.5, "speed": 0.3}
     good = [
-        json.dumps(one).encode()
-        for one in ({"goals": {"cf1": goal, "cf2": goal}}, {"done": True}, {"fail": "no way"})
+        json.dumps(message).encode()
+        for message in ({"goals": {"cf1": goal, "cf2": goal}}, {"done": True}, {"fail": "no way"})
     ]
 
     def attempt(draw: Draw) -> str:

@@ -99,9 +99,9 @@ def _replaced(pattern: re.Pattern[str], values: tuple[str, ...]) -> Callable[[by
     """Put one of some values in the place of what fits a pattern."""
 
     def changed(text: str, draw: Draw) -> str:
-        if not (found := list(pattern.finditer(text))):
+        if not (matches := list(pattern.finditer(text))):
             return text
-        begin, end = draw.choice(found).span()
+        begin, end = draw.choice(matches).span()
         return text[:begin] + draw.choice(values) + text[end:]
 
     return _text(changed)
@@ -111,18 +111,18 @@ def _exchanged(pattern: re.Pattern[str]) -> Callable[[bytes, Draw], bytes]:
     """Put what fits a pattern in one place in the place of what fits it in another."""
 
     def changed(text: str, draw: Draw) -> str:
-        if not (found := list(pattern.finditer(text))):
+        if not (matches := list(pattern.finditer(text))):
             return text
-        begin, end = draw.choice(found).span()
-        return text[:begin] + draw.choice(found)[0] + text[end:]
+        begin, end = draw.choice(matches).span()
+        return text[:begin] + draw.choice(matches)[0] + text[end:]
 
     return _text(changed)
 
 
 def _misspelt(text: str, draw: Draw) -> str:
-    if not (found := list(KEY.finditer(text))):
+    if not (keys := list(KEY.finditer(text))):
         return text
-    at = draw.randrange(*draw.choice(found).span())
+    at = draw.randrange(*draw.choice(keys).span())
     return text[:at] + draw.choice(("", text[at] * 2, text[at].upper(), "_", " ")) + text[at + 1 :]
 
 

@@ -119,7 +119,7 @@ class Author:
 
     def _some(self, options: Data, share: float = 0.3) -> Data:
         """Return some of the options."""
-        return {key: one for key, one in options.items() if self._draw.random() < share}
+        return {key: option for key, option in options.items() if self._draw.random() < share}
 
     def _travel(self) -> Data:
         draw = self._draw
@@ -173,7 +173,8 @@ class Author:
     def _clear_of(self, point: Sequence[float], names: Iterable[str]) -> bool:
         at = [self._position[name] for name in names]
         return all(
-            one is not None and math.dist(point[:2], one[:2]) > self._room.apart for one in at
+            position is not None and math.dist(point[:2], position[:2]) > self._room.apart
+            for position in at
         )
 
     def _send(
@@ -186,7 +187,7 @@ class Author:
         """
         others = [name for name in self._position if name not in movers]
         free = all(
-            self._room.free(one) and self._clear_of(one, others) for one in (*goals, *passed)
+            self._room.free(point) and self._clear_of(point, others) for point in (*goals, *passed)
         )
         apart = all(
             math.dist(a[:2], b[:2]) > self._room.apart - 0.06
@@ -347,7 +348,7 @@ class Author:
             if draw.random() < 0.4:
                 options["move"] = {"to": list(self._free_point([]))}
             figure = shape(len(movers), {"for": 0.0, **options})
-            passed = [point for one in figure.position for point in figure.passed(one)]
+            passed = [point for position in figure.position for point in figure.passed(position)]
             self._send(movers, figure.position, passed)
             if any(figure.move):
                 self._position |= self._shifted(movers, figure.move)
@@ -412,20 +413,20 @@ class Author:
     def _follow_polynomials(self, movers: list[str]) -> list[Data]:
         """A displacement and back, by polynomials, each from rest to rest."""
         name, mover = f"poly{len(self.files)}.csv", movers[0]
-        here = self._position[mover]
+        start = self._position[mover]
         others = [other for other in self._position if other != mover]
         for _ in range(TRIES):
             end = self._free_point(others)
-            assert here is not None
-            way = points_between(here, end, 0.1)
+            assert start is not None
+            way = points_between(start, end, 0.1)
             if all(self._room.free(p) and self._clear_of(p, others) for p in way):
                 break
         else:
             raise Infeasible
-        seconds = max(3.0, math.ceil(1.875 * math.dist(here, end) / 0.35))  # peak over mean speed
+        seconds = max(3.0, math.ceil(1.875 * math.dist(start, end) / 0.35))  # peak over mean speed
         header = ",".join(["duration", *(f"{axis}^{i}" for axis in POLY for i in range(8))])
-        there = [b - a for a, b in zip(here, end, strict=True)]
-        rows = [_piece(seconds, [0, 0, 0], there), _piece(seconds, there, [-d for d in there])]
+        offset = [b - a for a, b in zip(start, end, strict=True)]
+        rows = [_piece(seconds, [0, 0, 0], offset), _piece(seconds, offset, [-d for d in offset])]
         self.files[name] = "\n".join([header, *rows]) + "\n"
         options = self._some({"on_board": True}, share=0.5)
         return [{"follow": {"agents": mover, "file": name, "format": "poly7", **options}}]
@@ -474,11 +475,11 @@ class Author:
             steps = [*self._goto_each(movers), *self._goto_each(movers)]
             return [{"repeat": {"times": times, "steps": steps}}]
         before = dict(self._position)
-        (there,) = self._goto_by(movers)
-        by = [-value if value else 0.0 for value in there["goto"]["by"]]
+        (outbound,) = self._goto_by(movers)
+        by = [-value if value else 0.0 for value in outbound["goto"]["by"]]
         self._position = before
         back = {"goto": {"agents": movers, "by": by}}
-        return [{"repeat": {"times": times, "steps": [there, back]}}]
+        return [{"repeat": {"times": times, "steps": [outbound, back]}}]
 
     def _each(self, movers: list[str]) -> list[Data]:
         (goto,) = self._goto_by(movers)

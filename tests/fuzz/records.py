@@ -90,7 +90,7 @@ def recordings(folder: Path) -> Iterator[Try]:
             _assert_names(error, path)
             return "refused"
         finally:
-            assert [one.name for one in path.parent.iterdir()] == [FILE]
+            assert [file.name for file in path.parent.iterdir()] == [FILE]
         with path.open("rb") as stream:
             count = sum(1 for _ in make_reader(stream, validate_crcs=True).iter_messages())
         return "recovered" if count else "empty"

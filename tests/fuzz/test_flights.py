@@ -48,13 +48,13 @@ def verbs(step: Any) -> Iterator[str]:
 
 def test_random_missions_have_every_verb_and_all_plugins() -> None:
     drawn = [random_mission(draw_of(seed)).mission for seed in range(70)]
-    assert {verb for one in drawn for verb in verbs(one["mission"])} == {
+    assert {verb for mission in drawn for verb in verbs(mission["mission"])} == {
         *("takeoff", "land", "goto", "hold", "wait", "formation", "follow", "search", "join"),
         *("leave", "parallel", "repeat", "each", "include", "if"),
     }
-    assert {one["avoider"] for one in drawn} == {"orca", "voronoi", "potential"}
-    assert {one["planner"] for one in drawn} == {"straight", "visibility"}
-    assert {2, 12} <= {len(one["swarm"]) for one in drawn}
+    assert {mission["avoider"] for mission in drawn} == {"orca", "voronoi", "potential"}
+    assert {mission["planner"] for mission in drawn} == {"straight", "visibility"}
+    assert {2, 12} <= {len(mission["swarm"]) for mission in drawn}
 
 
 def test_random_missions_can_be_loaded(tmp_path: Path) -> None:
@@ -128,8 +128,8 @@ def test_a_mission_that_is_not_completed_is_a_defect() -> None:
     failed = {**DONE, "outcome": "failed", "reason": "goto times out"}
     assert judged(witness(), WORLD, failed) == ["failed: goto times out"]
     step = {"location": "m.yaml:3:5", "verb": "goto", "outcome": "failure"}
-    (found,) = judged(witness(), WORLD, {**DONE, "steps": [step]})
-    assert found.startswith("step m.yaml:3:5 goto")
+    (defect,) = judged(witness(), WORLD, {**DONE, "steps": [step]})
+    assert defect.startswith("step m.yaml:3:5 goto")
 
 
 def test_a_concave_polygon_has_its_notch_outside() -> None:

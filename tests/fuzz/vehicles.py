@@ -70,14 +70,14 @@ def datagrams(_folder: Path) -> Iterator[Try]:
     with flying() as fleet:
         streamed: list[bytes] = []
         fleet.listen(0, streamed.append)
-        here = fleet.simulator.drones["position"][1].copy()
-        before, number = known(fleet), 0
+        position = fleet.simulator.drones["position"][1].copy()
+        before, number = firmware_state(fleet), 0
 
         def attempt(draw: Draw) -> str:
             nonlocal before, number
             packet = spoiled(draw)
             answers = answered(fleet, packet)
-            after, number = known(fleet), number + 1
+            after, number = firmware_state(fleet), number + 1
             was_refused = refused(packet, answers)
             if was_refused:
                 assert after == before, packet.hex()
@@ -89,8 +89,8 @@ def datagrams(_folder: Path) -> Iterator[Try]:
                 if number % 500 == 0:
                     fleet.simulator.drones["locked"] = 0  # or nothing would fly for long
                 assert_whole(fleet)
-                assert abs(fleet.simulator.drones["position"][1] - here).max() < 0.1
-                before = known(fleet)
+                assert abs(fleet.simulator.drones["position"][1] - position).max() < 0.1
+                before = firmware_state(fleet)
             return "refused" if was_refused else "taken"
 
         yield attempt
@@ -174,7 +174,7 @@ def refused(packet: bytes, answers: list[bytes]) -> bool:
     return at is not None and any(answers[0][at : at + 1])
 
 
-def known(fleet: Fleet) -> tuple[Any, ...]:
+def firmware_state(fleet: Fleet) -> tuple[Any, ...]:
     """All that the first vehicle and its firmware keep, but for its clients."""
     vehicle = fleet.vehicles[0]
     return (
