@@ -156,7 +156,7 @@ def test_every_python_block_compiles_and_its_imports_resolve(block: Block) -> No
             assert [name.name for name in node.names if find_spec(name.name) is None] == []
         elif isinstance(node, ast.ImportFrom) and node.module not in FOREIGN:
             module = import_module(node.module or "")
-            assert [one.name for one in node.names if not hasattr(module, one.name)] == []
+            assert [alias.name for alias in node.names if not hasattr(module, alias.name)] == []
 
 
 def commands(text: str) -> Iterator[list[str]]:
@@ -209,10 +209,14 @@ def test_every_command_of_a_block_exists_with_its_options(
             except SystemExit:
                 pytest.fail(f"{shlex.join(words)}: {capsys.readouterr().err}")
         elif program == "make":
-            assert [one for one in rest if f"\n{one}:" not in makefile] == []
+            assert [target for target in rest if f"\n{target}:" not in makefile] == []
         elif program == "pip":
-            given = re.findall(r"^(?:\.|star-swarm)\[([\w,]+)\]$", "\n".join(rest), re.MULTILINE)
-            assert {name for one in given for name in one.split(",")} <= extras()
+            extra_lists = re.findall(
+                r"^(?:\.|star-swarm)\[([\w,]+)\]$", "\n".join(rest), re.MULTILINE
+            )
+            assert {
+                name for extra_list in extra_lists for name in extra_list.split(",")
+            } <= extras()
         shipped = r"(missions|examples|benchmarks|tests)/[\w./-]+\.(yaml|py)"
         paths = [word for word in words if re.fullmatch(shipped, word)]
         made = ("missions/pictures.yaml", "missions/cameras/mine.yaml")  # by the reader
@@ -221,32 +225,32 @@ def test_every_command_of_a_block_exists_with_its_options(
 
 def spoken() -> list[tuple[str, list[str]]]:
     """Return the page and the words of each command in running text."""
-    found = []
+    commands_of_pages = []
     for page in PAGES:
         spans = re.findall(r"`star ([a-z][^`]*)`", FENCE.sub("", page.read_text()))
-        found += [(page.name, span.split()) for span in spans]
-    return found
+        commands_of_pages += [(page.name, span.split()) for span in spans]
+    return commands_of_pages
 
 
 def test_every_command_in_running_text_exists_with_its_options() -> None:
-    known = {*_registry().names("command")}
+    known_commands = {*_registry().names("command")}
     wrong = []
     for page, (command, *rest) in spoken():
         if command == "outcomes":  # an example of a plugin
             continue
-        if command not in known:
+        if command not in known_commands:
             wrong.append(f"{page}: star {command}")
             continue
         options = [
             word.partition("=")[0] for word in rest if word.startswith("--") and word[2:3].islower()
         ]
-        have = {one for each in (parser_of(command)._actions) for one in each.option_strings}
+        have = {option for each in (parser_of(command)._actions) for option in each.option_strings}
         for sub in parser_of(command)._actions:
             if isinstance(sub.choices, dict):
                 have |= {
                     o for p in sub.choices.values() for a in p._actions for o in a.option_strings
                 }
-        wrong += [f"{page}: star {command} {one}" for one in options if one not in have]
+        wrong += [f"{page}: star {command} {option}" for option in options if option not in have]
     assert wrong == []
 
 

@@ -12,7 +12,7 @@ ROOT = Path(__file__).parents[1]
 MUTANTS = tomllib.loads((ROOT / "tests/mutants.toml").read_text())["mutant"]
 
 
-@pytest.mark.parametrize("mutant", MUTANTS, ids=lambda one: one["name"])
+@pytest.mark.parametrize("mutant", MUTANTS, ids=lambda mutant: mutant["name"])
 def test_a_mutant_can_be_planted(mutant: dict[str, Any]) -> None:
     assert (ROOT / mutant["file"]).read_text().count(mutant["old"]) == 1
     assert mutant["new"] != mutant["old"]

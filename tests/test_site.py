@@ -77,8 +77,8 @@ def test_every_link_and_anchor_leads_somewhere(pages: dict[Path, Links]) -> None
                 continue
             path, anchor = urldefrag(unquote(link))
             target = (page.parent / path).resolve() if path else page
-            known = pages[target].anchors if target in pages else set()
-            if not target.exists() or (anchor and target in pages and anchor not in known):
+            anchors = pages[target].anchors if target in pages else set()
+            if not target.exists() or (anchor and target in pages and anchor not in anchors):
                 missing.append(f"{page.name}: {link}")
     assert missing == []
 
@@ -96,15 +96,19 @@ def test_generated_sections_of_pages_are_up_to_date(monkeypatch: pytest.MonkeyPa
 @pytest.mark.extended
 def test_every_option_of_every_plugin_is_described(site: Path) -> None:
     missing = []
-    for kind, found in Registry():
-        if isinstance(found.offer, MissionSpec):
+    for kind, plugin in Registry():
+        if isinstance(plugin.offer, MissionSpec):
             name = "verbs" if kind == "task" else f"{kind}s"
             page = (site / "reference" / f"{name}.html").read_text()
-            section = page.partition(f'id="{found.offer.name}"')[2].partition("<h2")[0]
-            options = found.offer.options.get("properties", {})
-            missing += [f"{name}: {one}" for one in options if f"<code>{one}</code>" not in section]
+            section = page.partition(f'id="{plugin.offer.name}"')[2].partition("<h2")[0]
+            options = plugin.offer.options.get("properties", {})
+            missing += [
+                f"{name}: {option}" for option in options if f"<code>{option}</code>" not in section
+            ]
             values = (" | ".join(o["enum"]) for o in options.values() if "enum" in o)
-            missing += [f"{name}: {one}" for one in values if f"<td>{one}</td>" not in section]
+            missing += [
+                f"{name}: {value}" for value in values if f"<td>{value}</td>" not in section
+            ]
     assert missing == []
 
 

@@ -92,11 +92,11 @@ def link_requirements(of: Distribution, extras: Iterable[str], packages: Path) -
             (ours,) = packages.glob("star_swarm-*.dist-info")
             link_requirements(PathDistribution(ours), requirement.extras, packages)
             continue
-        found = distribution(requirement.name)
-        for top in {file.parts[0] for file in found.files or ()} - {"..", "__pycache__"}:
+        package = distribution(requirement.name)
+        for top in {file.parts[0] for file in package.files or ()} - {"..", "__pycache__"}:
             if not (packages / top).exists():
-                (packages / top).symlink_to(str(found.locate_file(top)))
-        link_requirements(found, requirement.extras, packages)
+                (packages / top).symlink_to(str(package.locate_file(top)))
+        link_requirements(package, requirement.extras, packages)
 
 
 @pytest.fixture(scope="module")

@@ -51,13 +51,13 @@ def main() -> int:
     parser.add_argument("picture", type=Path, help="PNG to write")
     parser.add_argument("--fly", action="store_true", help="take off before the picture")
     parser.add_argument("--log", type=Path, help="where to keep what the client says")
-    given = parser.parse_args()
+    arguments = parser.parse_args()
     for tool in ("Xvfb", "xdotool", "import"):
         if shutil.which(tool) is None:
             parser.error(f"it needs the program {tool!r}")
     with ExitStack() as stack:
         home = Path(stack.enter_context(TemporaryDirectory()))
-        said = given.log or home / "said.txt"
+        said = arguments.log or home / "said.txt"
         settings = home / "cfclient"
         settings.mkdir()
         (settings / "config.json").write_text(json.dumps({"link_uri": URI}))
@@ -67,24 +67,24 @@ def main() -> int:
         star = [str(Path(sys.executable).with_name("star")), "fleet", str(MISSION)]
         start(stack, star, screen, home / "fleet")
         time.sleep(3.0)
-        client = start(stack, [str(given.client)], screen, said)
-        window = wait_for(lambda: found(screen, "Not connected"))
+        client = start(stack, [str(arguments.client)], screen, said)
+        window = wait_for(lambda: window_named(screen, "Not connected"))
         point(screen, "windowmove", window, 0, 0, "windowsize", window, WIDTH, HEIGHT)
         time.sleep(SCANNING)
         point(screen, "mousemove", *CONNECT, "click", 1)
         connected = wait_for(lambda: "Connected to" in said.read_text(errors="replace"))
         time.sleep(SETTLING)
-        if given.fly:
+        if arguments.fly:
             point(screen, "mousemove", *TAKE_OFF, "click", 1)
             time.sleep(FLYING)
-        subprocess.run(["import", "-window", "root", given.picture], env=screen, check=True)
+        subprocess.run(["import", "-window", "root", arguments.picture], env=screen, check=True)
         alive = client.poll() is None
         complaints = [
             line for line in said.read_text(errors="replace").splitlines() if COMPLAINT.search(line)
         ]
     for line in complaints:
         print(line)  # noqa: T201 -- a program
-    print(f"connected: {bool(connected)}, still there: {alive}; look at {given.picture}")  # noqa: T201
+    print(f"connected: {bool(connected)}, still there: {alive}; look at {arguments.picture}")  # noqa: T201
     return 0 if connected and alive else 1
 
 
@@ -102,12 +102,12 @@ def start(
 def wait_for(look: Callable[[], Found]) -> Found:
     """Wait until there is something, but no longer than `PATIENCE`; return it."""
     end = time.monotonic() + PATIENCE
-    while not (there := look()) and time.monotonic() < end:
+    while not (answer := look()) and time.monotonic() < end:
         time.sleep(0.5)
-    return there
+    return answer
 
 
-def found(screen: dict[str, str], name: str) -> str:
+def window_named(screen: dict[str, str], name: str) -> str:
     """Return the number of the visible window with a name; empty if there is none."""
     done = subprocess.run(
         ["xdotool", "search", "--onlyvisible", "--name", name],

@@ -72,8 +72,8 @@ def test_plugins_of_every_kind_fly_together_and_are_recorded(run: Run, mission: 
 
 
 def test_options_of_wrapped_plugins_are_checked_at_their_line(run: Run, mission: Path) -> None:
-    given = "localizer: {use: offset, of: {use: flow, max_report_aeg: 0.3}, by: [0.1, 0, 0]}"
-    change(mission, "localizer: flow", given)
+    localizer = "localizer: {use: offset, of: {use: flow, max_report_aeg: 0.3}, by: [0.1, 0, 0]}"
+    change(mission, "localizer: flow", localizer)
     text = (ROOT / "docs" / "plugins" / "localizer.md").read_text()
     (shown,) = re.findall(r"^mission\.yaml:\d+(:\d+: .*)$", text, re.MULTILINE)
     assert problem_lines(run("star", "check", mission.name).stderr)[-1].endswith(shown)
@@ -105,8 +105,8 @@ def test_mistakes_in_options_are_refused_at_their_position(
     line, _, column = change(mission, old, new).rpartition(":")
     done = run("star", "check", mission.name)
     assert done.returncode == 2
-    found = position_and_code(problem_lines(done.stderr)[-1])
-    assert found == f"{line}:{int(column) + offset} [{code}]"
+    position = position_and_code(problem_lines(done.stderr)[-1])
+    assert position == f"{line}:{int(column) + offset} [{code}]"
 
 
 def test_what_a_mission_sets_reaches_the_plugin(run: Run, mission: Path) -> None:
@@ -122,8 +122,12 @@ def test_what_a_mission_sets_reaches_the_plugin(run: Run, mission: Path) -> None
 def test_all_are_listed_with_their_distribution_and_options(run: Run) -> None:
     listed = json.loads(run("star", "plugins", "--json").stdout)
     assert listed["broken"] == {}
-    ours = [one for one in listed["plugins"] if not one["plugin"].startswith("star-swarm:")]
-    assert {one["plugin"]: (one["kind"], list(one["options"]["properties"])) for one in ours} == {
+    ours = [
+        plugin for plugin in listed["plugins"] if not plugin["plugin"].startswith("star-swarm:")
+    ]
+    assert {
+        plugin["plugin"]: (plugin["kind"], list(plugin["options"]["properties"])) for plugin in ours
+    } == {
         "star-ceiling:ceiling": ("monitor", []),
         "star-fastest:fastest": ("observer", []),
         "star-gentle:gentle": ("avoider", ["radius"]),

@@ -16,8 +16,8 @@ class Bent:
 
     def __init__(self, scene: Scene) -> None: ...
 
-    def avoid(self, estimate: Estimate, wanted: Setpoint) -> Setpoint:
-        return wanted
+    def avoid(self, estimate: Estimate, planned: Setpoint) -> Setpoint:
+        return planned
 
 
 @hookimpl
