@@ -239,8 +239,9 @@ def test_trajectories_with_the_same_numbers_are_one(
     coefficients: list[float], duration: float
 ) -> None:
     trajectory, same = (
-        Trajectory([duration], np.reshape(coefficients, (1, 4, 8))) for _ in range(2)
-    )  # type: ignore[arg-type]
+        Trajectory([duration], np.reshape(coefficients, (1, 4, 8)))  # type: ignore[arg-type]
+        for _ in range(2)
+    )
     assert trajectory == same
     assert len({trajectory, same, Trajectory([2 * duration], same.coefficients)}) == 2  # type: ignore[arg-type]
     assert trajectory != "another"
