@@ -211,12 +211,8 @@ def test_every_command_of_a_block_exists_with_its_options(
         elif program == "make":
             assert [target for target in rest if f"\n{target}:" not in makefile] == []
         elif program == "pip":
-            extra_lists = re.findall(
-                r"^(?:\.|star-swarm)\[([\w,]+)\]$", "\n".join(rest), re.MULTILINE
-            )
-            assert {
-                name for extra_list in extra_lists for name in extra_list.split(",")
-            } <= extras()
+            matches = re.findall(r"^(?:\.|star-swarm)\[([\w,]+)\]$", "\n".join(rest), re.MULTILINE)
+            assert {name for match in matches for name in match.split(",")} <= extras()
         shipped = r"(missions|examples|benchmarks|tests)/[\w./-]+\.(yaml|py)"
         paths = [word for word in words if re.fullmatch(shipped, word)]
         made = ("missions/pictures.yaml", "missions/cameras/mine.yaml")  # by the reader

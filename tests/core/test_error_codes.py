@@ -48,31 +48,22 @@ def codes(tree: ast.AST) -> Iterator[str]:
             values += [keyword.value for keyword in node.keywords if keyword.arg == "code"]
             values += node.args[at : at + 1] if at is not None else []
         elif isinstance(node, ast.ClassDef | ast.Module):
-            for statement in node.body:
-                if (
-                    isinstance(statement, ast.Assign | ast.AnnAssign)
-                    and statement.value is not None
-                ):
-                    targets = (
-                        statement.targets
-                        if isinstance(statement, ast.Assign)
-                        else [statement.target]
-                    )
+            for stmt in node.body:
+                if isinstance(stmt, ast.Assign | ast.AnnAssign) and stmt.value is not None:
+                    targets = stmt.targets if isinstance(stmt, ast.Assign) else [stmt.target]
                     named = {target.id for target in targets if isinstance(target, ast.Name)}
-                    values += [statement.value] if "code" in named else []
-                    mapped = statement.value.values if isinstance(statement.value, ast.Dict) else []
+                    values += [stmt.value] if "code" in named else []
+                    mapped = stmt.value.values if isinstance(stmt.value, ast.Dict) else []
                     values += mapped if "CODES" in named else []
         elif isinstance(node, ast.FunctionDef):
             arguments = [*node.args.posonlyargs, *node.args.args][::-1]
             pairs = [*zip(arguments, node.args.defaults[::-1], strict=False)]
             pairs += [
-                (argument, default)
-                for argument, default in zip(
-                    node.args.kwonlyargs, node.args.kw_defaults, strict=True
-                )
+                (arg, default)
+                for arg, default in zip(node.args.kwonlyargs, node.args.kw_defaults, strict=True)
                 if default is not None
             ]
-            values += [default for argument, default in pairs if argument.arg == "code"]
+            values += [default for arg, default in pairs if arg.arg == "code"]
         for value in values:
             for inner in ast.walk(value):
                 if isinstance(inner, ast.Constant) and isinstance(inner.value, str) and inner.value:

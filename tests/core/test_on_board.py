@@ -235,13 +235,8 @@ numbers = st.lists(st.floats(-2, 2), min_size=32, max_size=32)
 
 
 @given(numbers, st.floats(0.1, 9))
-def test_trajectories_with_the_same_numbers_are_one(
-    coefficients: list[float], duration: float
-) -> None:
-    trajectory, same = (
-        Trajectory([duration], np.reshape(coefficients, (1, 4, 8)))  # type: ignore[arg-type]
-        for _ in range(2)
-    )
+def test_trajectories_with_the_same_numbers_are_one(terms: list[float], duration: float) -> None:
+    trajectory, same = (Trajectory([duration], np.reshape(terms, (1, 4, 8))) for _ in range(2))  # type: ignore[arg-type]
     assert trajectory == same
     assert len({trajectory, same, Trajectory([2 * duration], same.coefficients)}) == 2  # type: ignore[arg-type]
     assert trajectory != "another"

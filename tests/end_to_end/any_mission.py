@@ -174,10 +174,7 @@ class Language:
             return {"include": {"file": PART, "with": {"team": named, "seconds": self._one(0, 2)}}}
         if kind == "join":
             assert movers is not None
-            named, count = (
-                self._one(*([name for name in self._idle if name in movers] or movers)),
-                1,
-            )
+            named, count = self._one(*([a for a in self._idle if a in movers] or movers)), 1
         options = getattr(self, f"_{kind}")(count)
         common = self._common(named)
         return {kind: common | options}

@@ -39,10 +39,7 @@ BESIDE = 0.2  # m, `limits.separation` of first_flight.yaml, as it is if not giv
 
 
 IDEAL = [  # as drones of `Fleet` fly
-    *(
-        f"--set=transport.{option}"
-        for option in ("noise=false", "profile=ideal", "controller=ideal")
-    ),
+    *(f"--set=transport.{pair}" for pair in ("noise=false", "profile=ideal", "controller=ideal")),
     "--set=limits.uncertainty_margin=0",
 ]
 
@@ -110,9 +107,7 @@ def over_the_air(
             radio = f"use: radio, udp: cflib, {decks(scene, wifi)}{more}cache: '{folder.parent}'"
             settings += [f"transport={{{radio}}}", *changes]
             settings.append("limits.uncertainty_margin=0")
-            flight = star(
-                "run", mission, "--out", folder, *(f"--set={setting}" for setting in settings)
-            )
+            flight = star("run", mission, "--out", folder, *(f"--set={pair}" for pair in settings))
             times, places, behind, end = [], [], [], time.monotonic() + PATIENCE
             while flight.poll() is None and time.monotonic() < end:
                 now, where = time.monotonic(), fleet.simulator.drones["position"].copy()

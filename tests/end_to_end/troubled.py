@@ -41,10 +41,8 @@ class Troubled:
         """The installed plugins."""
         registry = Registry()
         for kind, named in registry._plugins.items():
-            for plugins in named.values():
-                plugins[:] = [
-                    Found(self._spoilt(kind, plugin.offer), plugin.source) for plugin in plugins
-                ]
+            for parts in named.values():
+                parts[:] = [Found(self._spoilt(kind, part.offer), part.source) for part in parts]
         return registry
 
     def _spoilt(self, kind: str, offer: star.TaskSpec) -> star.TaskSpec:

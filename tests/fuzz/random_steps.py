@@ -173,8 +173,7 @@ class Author:
     def _clear_of(self, point: Sequence[float], names: Iterable[str]) -> bool:
         at = [self._position[name] for name in names]
         return all(
-            position is not None and math.dist(point[:2], position[:2]) > self._room.apart
-            for position in at
+            place is not None and math.dist(point[:2], place[:2]) > self._room.apart for place in at
         )
 
     def _send(

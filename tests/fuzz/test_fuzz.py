@@ -27,9 +27,7 @@ def test_no_input_breaks_a_reader(target: Target, tmp_path: Path) -> None:
     assert len(report.outcomes) > 1, report.outcomes  # some are refused, and some are not
 
 
-@pytest.mark.parametrize(
-    "packet", [datagram for datagram in vehicles.GOOD if datagram[0] >> 4 in WHOLE]
-)
+@pytest.mark.parametrize("packet", [packet for packet in vehicles.GOOD if packet[0] >> 4 in WHOLE])
 def test_a_datagram_that_is_cut_off_changes_nothing(packet: bytes) -> None:
     with vehicles.flying() as fleet:
         before = fleet.simulator.drones[0].copy()

@@ -240,10 +240,9 @@ def test_detections_of_several_tables_are_merged_in_order() -> None:
 
 def test_reasons_of_a_plan_are_a_map() -> None:
     odd: Any = ["walled in"]
-    message = refused(checked_plan, replace(PLAN, reasons=odd), 2)
+    error = refused(checked_plan, replace(PLAN, reasons=odd), 2)
     assert (
-        message
-        == "Plan.reasons is ['walled in'], expected a map from row to text [contract-broken]"
+        error == "Plan.reasons is ['walled in'], expected a map from row to text [contract-broken]"
     )
 
 

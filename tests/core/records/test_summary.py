@@ -52,7 +52,7 @@ def tick(time: float, estimated_position: Any, truth: Any, phase: Sequence[Agent
 def measured(
     truth: Any,
     *,
-    estimated_track: Any = None,
+    estimates: Any = None,
     obstacles: tuple[Obstacle, ...] = (),
     ground_truth: bool = True,
 ) -> dict[str, Any]:
@@ -60,7 +60,7 @@ def measured(
 
     Args:
         truth: (T, N, 3) where the agents are, m.
-        estimated_track: (T, N, 3) where they are believed to be, m; where they are if not given.
+        estimates: (T, N, 3) where they are believed to be, m; where they are if not given.
         obstacles: In the room.
         ground_truth: Whether the truth is known.
     """
@@ -70,7 +70,7 @@ def measured(
     furnished = replace(scene(n), world=room)
     meter = FlightSummary(furnished)
     for k in range(t):
-        where = track[k] if estimated_track is None else np.array(estimated_track)[k]
+        where = track[k] if estimates is None else np.array(estimates)[k]
         now = tick(k * PERIOD, where, track[k] if ground_truth else None, [FLYING] * n)
         add(meter, now)
     return summed(meter)
@@ -138,11 +138,9 @@ def test_a_collision_goes_on_though_another_agent_is_nowhere(n: int) -> None:
 
 
 def test_separation_is_of_the_estimate_without_ground_truth() -> None:
-    summary = measured(apart(2.0), estimated_track=apart(1.0), ground_truth=False)
+    summary = measured(apart(2.0), estimates=apart(1.0), ground_truth=False)
     assert summary["min_separation_m"] == pytest.approx(1.0)
-    assert measured(apart(2.0), estimated_track=apart(0.01))["min_separation_m"] == pytest.approx(
-        2.0
-    )
+    assert measured(apart(2.0), estimates=apart(0.01))["min_separation_m"] == pytest.approx(2.0)
 
 
 def clouds(n: int) -> st.SearchStrategy[Array]:

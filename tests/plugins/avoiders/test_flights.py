@@ -238,11 +238,8 @@ def test_a_swarm_of_nothing_is_no_trouble(name: str) -> None:
 
 @all_avoiders
 def test_two_at_one_point_part(name: str) -> None:
-    position, planned = (
-        np.zeros((2, 3)),
-        Setpoint(np.zeros((2, 3)), np.zeros(2), np.ones(2, np.bool_)),
-    )
-    answer = made(name, room(2)).avoid(estimate(position), planned).velocity
+    start, planned = np.zeros((2, 3)), Setpoint(np.zeros((2, 3)), np.zeros(2), np.ones(2, np.bool_))
+    answer = made(name, room(2)).avoid(estimate(start), planned).velocity
     assert answer[0, 0] > 0 > answer[1, 0]
 
 

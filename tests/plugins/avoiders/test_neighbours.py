@@ -11,7 +11,7 @@ from star_orca.neighbours import FEW, ROW, nearest, sort_into_cells
 EVERY_HEIGHT = 1e9
 
 
-def neighbours_of(
+def near_rows(
     position: Array, distance: float, vertical: float, most: int, climb: Array | None = None
 ) -> dict[int, list[int]]:
     """Rows of the neighbours of every row, nearest first."""
@@ -59,34 +59,31 @@ def swarm(n: int, width: float = 12.0) -> Array:
 @pytest.mark.parametrize("most", [1, 10])
 def test_the_nearest_within_reach_are_found_nearest_first(n: int, most: int) -> None:
     position = swarm(n)
-    assert neighbours_of(position, 2.0, EVERY_HEIGHT, most) == looked_up(
+    assert near_rows(position, 2.0, EVERY_HEIGHT, most) == looked_up(
         position, 2.0, EVERY_HEIGHT, most
     )
 
 
 def test_agents_at_other_heights_take_no_neighbour_slots() -> None:
     position = swarm(200)
-    assert neighbours_of(position, 2.0, 0.6, 5) == looked_up(position, 2.0, 0.6, 5)
+    assert near_rows(position, 2.0, 0.6, 5) == looked_up(position, 2.0, 0.6, 5)
 
 
 def test_agents_soon_near_in_height_are_neighbours() -> None:
     stack = np.array([[0.0, 0, 1], [0.1, 0, 2.5]])
-    assert neighbours_of(stack, 2.0, 0.6, 5) == {0: [], 1: []}
-    assert neighbours_of(stack, 2.0, 0.6, 5, np.array([0.5, -0.5])) == {0: [1], 1: [0]}
-    assert neighbours_of(stack, 2.0, 0.6, 5, np.array([0.5, 0.5])) == {0: [], 1: []}
-    assert neighbours_of(stack, 2.0, 0.6, 5, np.array([3.0, 0.0])) == {
-        0: [1],
-        1: [0],
-    }  # right through
+    assert near_rows(stack, 2.0, 0.6, 5) == {0: [], 1: []}
+    assert near_rows(stack, 2.0, 0.6, 5, np.array([0.5, -0.5])) == {0: [1], 1: [0]}
+    assert near_rows(stack, 2.0, 0.6, 5, np.array([0.5, 0.5])) == {0: [], 1: []}
+    assert near_rows(stack, 2.0, 0.6, 5, np.array([3.0, 0.0])) == {0: [1], 1: [0]}  # right through
 
 
 def test_one_agent_very_far_away_changes_nothing_for_the_others() -> None:
     position = np.vstack([swarm(100), [[1e7, -3e6, 1.0]]])
-    assert neighbours_of(position, 2.0, 9.0, 10) == looked_up(position, 2.0, 9.0, 10)
+    assert near_rows(position, 2.0, 9.0, 10) == looked_up(position, 2.0, 9.0, 10)
 
 
 def test_a_hundred_coincident_agents_are_all_neighbours() -> None:
-    neighbours = neighbours_of(np.ones((100, 3)), 2.0, 0.6, 200)
+    neighbours = near_rows(np.ones((100, 3)), 2.0, 0.6, 200)
     assert all(sorted([i, *near]) == list(range(100)) for i, near in neighbours.items())
 
 
@@ -96,4 +93,4 @@ def test_an_agent_at_no_finite_position_is_nobodys_neighbour(n: int, bad: float)
     position = swarm(n)
     expected = looked_up(position[:-1], 3.0, 9.0, 10)
     position[-1, 1] = bad
-    assert neighbours_of(position, 3.0, 9.0, 10) == expected
+    assert near_rows(position, 3.0, 9.0, 10) == expected

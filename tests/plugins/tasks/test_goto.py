@@ -46,25 +46,21 @@ def test_each_agent_goes_by_the_offset_from_where_it_is() -> None:
 
 
 @pytest.mark.parametrize(
-    ("goal", "has_goal", "start"),
+    ("goal", "active", "start"),
     [(0.8, 1, [0.0, 0.0, 0.8]), (0.8, 0, [0.1, 0.0, 0.65]), (1.2, 1, [0.1, 0.0, 0.65])],
     ids=["the agent sags", "without a goal", "the agent was on its way"],
 )
 def test_an_offset_counts_from_the_last_goal_nearby(
-    goal: float, has_goal: int, start: list[float]
+    goal: float, active: int, start: list[float]
 ) -> None:
     room = scene(1)
-    position = np.array([[0.1, 0.0, 0.65]])
+    place = np.array([[0.1, 0.0, 0.65]])
     last = Goals(
-        np.array([[0.0, 0.0, goal]]),
-        position * 0,
-        position[:, 0],
-        position[:, 0],
-        np.array([has_goal > 0]),
+        np.array([[0.0, 0.0, goal]]), place * 0, place[:, 0], place[:, 0], np.array([active > 0])
     )
     task = make("goto", room, (0,), by=[1.0, 0.0, 0.1])
     task.continue_from(last)
-    task.begin(estimate(position), health(1))
+    task.begin(estimate(place), health(1))
     assert task.goals.position[0] == pytest.approx(np.add(start, [1.0, 0.0, 0.1]))
 
 

@@ -23,21 +23,19 @@ def faults(folder: Path, file: str) -> list[str]:
 
 
 def test_points_are_read_with_the_lines_they_stand_on(tmp_path: Path) -> None:
-    waypoints = read_waypoints(
-        tmp_path / written(tmp_path, "x,y,z\n0,0,1\n\n1,2.5,1\n"), "path.csv"
-    )
-    assert waypoints.point == ((0.0, 0.0, 1.0), (1.0, 2.5, 1.0))
-    assert waypoints.line == (2, 4)
-    assert waypoints.yaw_deg == ()
+    path = read_waypoints(tmp_path / written(tmp_path, "x,y,z\n0,0,1\n\n1,2.5,1\n"), "path.csv")
+    assert path.point == ((0.0, 0.0, 1.0), (1.0, 2.5, 1.0))
+    assert path.line == (2, 4)
+    assert path.yaw_deg == ()
 
 
 def test_columns_may_stand_in_any_order_with_a_heading(tmp_path: Path) -> None:
-    waypoints = read_waypoints(
+    path = read_waypoints(
         tmp_path / written(tmp_path, "\ufeffyaw_deg, z, y, x\r\n90,1,2,3\r\n0,1,2,4\r\n"),
         "path.csv",
     )
-    assert waypoints.point == ((3.0, 2.0, 1.0), (4.0, 2.0, 1.0))
-    assert waypoints.yaw_deg == (90.0, 0.0)
+    assert path.point == ((3.0, 2.0, 1.0), (4.0, 2.0, 1.0))
+    assert path.yaw_deg == (90.0, 0.0)
 
 
 @pytest.mark.parametrize(
