@@ -33,9 +33,9 @@ class ReserveManager:
     An agent on the ground is ready if it is heard and located, its battery is above a voltage, and
     no agent flies near its pad; once replaced and given another battery, it is a reserve again. A
     reserve fills a slot that the safety rules have emptied, or relieves the agent in flight whose
-    battery is lowest, once that stays below a voltage. It is assigned to the slot when it has
-    climbed; only then does the other agent fly to its own pad, and land. If that has landed
-    meanwhile, or is landing, the reserve returns instead.
+    battery is lowest, once that stays below a voltage, but none that has been commanded to land. It
+    is assigned to the slot when it has climbed; only then does the other agent fly to its own pad,
+    and land. If that has landed meanwhile, or is landing, the reserve returns instead.
 
     Args:
         rules: Their actions so far; reset for an agent that is ready again.
@@ -58,6 +58,7 @@ class ReserveManager:
         self._report = report
         self._pad = np.array([agent.start for agent in scene.agents])
         self._low_since = np.full(len(scene.agents), np.nan)  # s
+        self._to_land = np.zeros(len(scene.agents), np.bool_)  # in flight, commanded to land
         self._report_at: float | None = None  # s, if it waits for a reserve
         self._climbing: dict[int, tuple[int, float]] = {}  # slot and latest end, s, by row
         self._unfit: set[int] = set()  # agents that did not climb when launched
@@ -66,8 +67,12 @@ class ReserveManager:
     def step(self, tick: TickContext, instructions: Instructions) -> None:
         """Add the instructions of agents that are launched or return."""
         time, health = tick.time, tick.health
-        low = health.phase == AgentPhase.FLYING
-        low &= health.battery < self._options["relieve_below"]
+        flies = health.phase == AgentPhase.FLYING
+        for command in instructions.commands:
+            if command.order is Order.LAND:
+                self._to_land[command.agent] = True
+        self._to_land &= flies
+        low = flies & ~self._to_land & (health.battery < self._options["relieve_below"])
         self._low_since = np.where(low, np.fmin(self._low_since, time), np.nan)
         self._finish_climbs(time, health, instructions)
         self._return(tick, instructions)
@@ -154,10 +159,10 @@ class ReserveManager:
             name = self._scene.agents[row].name
             if health.phase[row] == AgentPhase.FLYING:
                 relieved = self._assignments.holders([slot]).get(slot)
-                if relieved is not None and health.phase[relieved] in {
-                    *ON_GROUND,
-                    AgentPhase.LANDING,
-                }:
+                if relieved is not None and (
+                    self._to_land[relieved]
+                    or health.phase[relieved] in {*ON_GROUND, AgentPhase.LANDING}
+                ):
                     self._report(f"{name} is not needed any more", name)
                     self._returning[row] = None
                 else:

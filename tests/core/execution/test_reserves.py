@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 from star_core import AgentPhase, Command, Estimate, Goals, InputError, Order, Plan, Telemetry
+from star_core.safety.rules import BATTERY_SAG_TIME
 from tests.core.conftest import Lab, heard
+from tests.core.robots import SOON
 
 TOUR = """
   - climb: {}
@@ -126,6 +128,19 @@ def test_reserves_go_home_if_the_relieved_agent_has_landed(lab: Lab) -> None:
     assert lab.said("relief") == ["cf3 takes off to relieve cf1", "cf3 is not needed any more"]
     assert lab.went("cf3") == ["taking_off", "flying", "landing", "landed"]
     assert agents(lab, "wait")[-1] == ["cf1", "cf2"]
+
+
+@pytest.mark.parametrize("low_since", [6.9, 7.4])  # relief is due as the landing begins, and later
+def test_an_agent_that_moves_aside_to_land_is_not_relieved(lab: Lab, low_since: float) -> None:
+    lab.spoil("transport", "receive", volts({(0, low_since): TIRED}))
+    lab.fly(TOUR.replace("wait: {seconds: 12}", "visit: {agents: cf1, to: [0, 1, 2]}").replace(
+        "  - descend", "  - wait: {seconds: 4}\n  - descend"
+    ))  # fmt: skip
+    begun = next(time for time, command in lab.robots.commands if command.order is Order.LAND)
+    landing = {agent: time for time, agent, phase in lab.phases if phase == "landing"}
+    assert begun == landing["cf2"] <= low_since + BATTERY_SAG_TIME + SOON < landing["cf1"]
+    assert lab.said("relief") == []
+    assert lab.went("cf3") == []
 
 
 def test_an_agent_that_does_not_get_home_lands_where_it_is(lab: Lab) -> None:
