@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from types import MappingProxyType, TracebackType
-from typing import Any, Final, TypeVar
+from typing import Any, TypeVar
 
 from star_core.errors import CommandError, ContractError, PluginError, StarError
 
@@ -24,10 +24,6 @@ class PluginTimeout(BaseException):
 
     The call's `PluginGuard` turns it into a `PluginError`.
     """
-
-
-FAILURES: Final = (Exception, SystemExit, PluginTimeout)
-"""What a plugin can fail by; anything else, such as the operator's interrupt, is not its own."""
 
 
 class Strikes:
@@ -82,7 +78,7 @@ class _TimedCall:
 
 
 class DroppingGuard(_TimedCall):
-    """Suppresses what a plugin raises inside, and passes it to `drop`."""
+    """Suppresses what a plugin raises inside but `KeyboardInterrupt`, and passes it to `drop`."""
 
     def __init__(
         self,
@@ -94,7 +90,7 @@ class DroppingGuard(_TimedCall):
 
     def __exit__(self, kind: object, error: BaseException | None, trace: object) -> bool:
         self._end(kind, error, trace)
-        if not isinstance(error, FAILURES):
+        if error is None or isinstance(error, KeyboardInterrupt):
             return False
         self._drop(error)
         return True
@@ -102,6 +98,8 @@ class DroppingGuard(_TimedCall):
 
 class PluginGuard(_TimedCall):
     """Turns any exception raised inside into a `PluginError` that names the plugin.
+
+    The operator's `KeyboardInterrupt` alone is not the plugin's.
 
     >>> with PluginGuard("avoider 'mine' (1.0)"):
     ...     {}["gain"]
@@ -149,7 +147,7 @@ class PluginGuard(_TimedCall):
 
     def _attribute(self, error: BaseException, trace: TracebackType | None) -> None:
         """Raise the `PluginError` for an error of the plugin."""
-        if not isinstance(error, FAILURES):
+        if isinstance(error, KeyboardInterrupt):
             return
         log.debug("%s raised", self.plugin, exc_info=error)
         if isinstance(error, StarError):

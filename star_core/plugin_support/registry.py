@@ -61,7 +61,9 @@ class Registry:
         for entry, source in installed_plugins() if installed else ():
             try:
                 self._register(entry.load(), source)
-            except (Exception, SystemExit) as error:  # noqa: BLE001 -- whatever an import may raise
+            except KeyboardInterrupt:
+                raise
+            except BaseException as error:  # noqa: BLE001 -- whatever an import may raise
                 self._skip(source, error)
         names = [default_name(plugin) for plugin in plugins]
         for plugin, name in zip(plugins, names, strict=True):
@@ -179,7 +181,9 @@ class Registry:
             return
         try:
             yield
-        except (Exception, SystemExit) as error:  # noqa: BLE001 -- it is skipped, or raised
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # noqa: BLE001 -- it is skipped, or raised
             self._failed.setdefault(plugin, error)
 
     def _skip(self, source: Source, error: BaseException) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import signal
 import subprocess
 import sys
@@ -87,9 +88,14 @@ def raises(_right: Right, *_inputs: Any) -> None:
     raise RuntimeError("boom")
 
 
+def panics(_right: Right, *_inputs: Any) -> None:
+    raise asyncio.CancelledError("panic")
+
+
 LASTING: Mapping[str, tuple[Right, str]] = {  # from the flight's begin on; words of the message
     "raises": (raises, "RuntimeError: boom ("),
     "sys.exit": (exits, "SystemExit: bye ("),
+    "panics": (panics, "CancelledError: panic ("),
     "NaN": (returns(lambda a: a * np.nan), " is [nan, nan, nan], expected numbers"),
     "inf": (returns(lambda a: a + np.inf), " is [inf, inf, inf], expected numbers"),
     "wrong shape": (returns(lambda a: a[:, :2]), " has shape (2, 2), expected (2, 3)"),

@@ -65,7 +65,11 @@ def watched(lab: Lab, watcher: object, name: str = "watch") -> None:
 
 
 @pytest.mark.parametrize("hook", WATCHING)
-@pytest.mark.parametrize("error", [RuntimeError("boom"), SystemExit("boom")], ids=["raise", "exit"])
+@pytest.mark.parametrize(
+    "error",
+    [RuntimeError("boom"), SystemExit("boom"), BaseException("boom")],
+    ids=["raise", "exit", "panic"],
+)
 def test_observers_that_raise_are_dropped_and_the_flight_goes_on(
     lab: Lab, hook: str, error: BaseException, caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -74,9 +74,10 @@ def brought_down(lab: Lab) -> bool:
         (BOOM, "RuntimeError: boom ("),
         (PluginError("no camera"), "no camera"),
         (SystemExit("bye"), "SystemExit: bye ("),
+        (BaseException("panic"), "BaseException: panic ("),
         (lambda *_, **__: 3, "int has no "),
     ],
-    ids=["raises", "raises STAR's own", "exits", "makes something else"],
+    ids=["raises", "raises STAR's own", "exits", "panics", "makes something else"],
 )
 def test_plugins_that_cannot_be_made_are_named_before_any_motion(
     lab: Lab, role: str, wrong: Wrong, message: str

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import logging
 import sys
 
@@ -53,10 +54,16 @@ def test_a_plugin_that_ends_the_process_is_blamed() -> None:
     assert str(caught.value).startswith(f"{PLUGIN}: SystemExit: bye (")
 
 
-@pytest.mark.parametrize("error", [KeyboardInterrupt(), GeneratorExit()])
-def test_an_interrupt_is_nobodys_fault(error: BaseException) -> None:
-    with pytest.raises(type(error)), PluginGuard(PLUGIN):
-        raise error
+@pytest.mark.parametrize(
+    "error", [BaseException("bye"), asyncio.CancelledError("bye"), GeneratorExit("bye")]
+)
+def test_a_plugin_is_blamed_for_all_that_it_raises(error: BaseException) -> None:
+    assert str(blamed(error)).startswith(f"{PLUGIN}: {type(error).__name__}: bye (")
+
+
+def test_an_interrupt_is_nobodys_fault() -> None:
+    with pytest.raises(KeyboardInterrupt), PluginGuard(PLUGIN):
+        raise KeyboardInterrupt
 
 
 def test_the_traceback_is_logged_on_demand(caplog: pytest.LogCaptureFixture) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import sys
 from collections.abc import Callable, Generator, Iterable
 from pathlib import Path
@@ -85,6 +86,7 @@ def test_installed_plugins_have_their_distribution_and_version(
         ("import no_such_module", "ModuleNotFoundError: No module named 'no_such_module'"),
         ("1 / 0", "ZeroDivisionError: division by zero"),
         ("raise SystemExit('bye')", "SystemExit: bye"),
+        ("raise BaseException('panic')", "BaseException: panic"),
         ("raise ValueError('too\\nlong')", "ValueError: too long"),
         ("def f(:", "SyntaxError: invalid syntax"),
         (
@@ -93,11 +95,26 @@ def test_installed_plugins_have_their_distribution_and_version(
         ),
         (IMPORTS + "def star_planners():\n    1 / 0", "ZeroDivisionError: division by zero"),
         (
+            IMPORTS + "def star_planners():\n    raise BaseException('panic')",
+            "BaseException: panic",
+        ),
+        (
             IMPORTS + "def star_planner(): ...",
             "PluginError: no hook named 'star_planner'; did you mean 'star_planners'?",
         ),
     ],
-    ids=["import", "raise", "exit", "two lines", "syntax", "no offer", "hook raises", "no hook"],
+    ids=[
+        "import",
+        "raise",
+        "exit",
+        "panic",
+        "two lines",
+        "syntax",
+        "no offer",
+        "hook raises",
+        "hook panics",
+        "no hook",
+    ],
 )
 def test_a_broken_plugin_is_left_out_and_grounds_no_other(
     install: Callable[[str, str], None], text: str, why: str
@@ -485,6 +502,15 @@ def test_a_generator_of_a_plugin_is_guarded_until_its_end(registry: Registry) ->
     registry.add(Planners("theirs"), Source("their-dist:mine"))
     with pytest.raises(PluginError, match=r"planner 'theirs' .*: RuntimeError: boom"):
         guarded("planner", registry.find("planner", "theirs"), checks)
+
+
+def test_a_command_that_panics_is_named(registry: Registry) -> None:
+    def panic() -> None:
+        raise asyncio.CancelledError("panic")
+
+    registry.add(Planners("theirs"), Source("their-dist:mine"))
+    with pytest.raises(PluginError, match=r"command 'theirs' .*: CancelledError: panic"):
+        guarded("command", registry.find("planner", "theirs"), panic)
 
 
 @pytest.mark.parametrize(("kind", "error"), [("command", SystemExit), ("planner", PluginError)])

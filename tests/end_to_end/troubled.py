@@ -17,7 +17,7 @@ FLAT: Final = 3.0  # V
 NAN: Final = float("nan")
 
 
-class Endless(BaseException):
+class Endless(KeyboardInterrupt):
     """The flight goes on for longer than its time-outs allow; no plugin's error, so no excuse."""
 
 

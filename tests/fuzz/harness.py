@@ -67,8 +67,8 @@ class Broken(AssertionError):  # noqa: N818 -- what it looks for
     """A defect that is distinguished by its text, not by the source line that raises it."""
 
 
-class Hangs(BaseException):
-    """An input takes too long; no ``except Exception`` catches it."""
+class Hangs(KeyboardInterrupt):
+    """An input takes too long; neither ``except Exception`` nor the guards of plugins catch it."""
 
 
 def run(target: Target, folder: Path, count: int, seed: int, *, first: int = 0) -> Report:

@@ -142,5 +142,7 @@ class RehearsedTask:
             yield
         except StarError as error:
             self._problem = str(error)
-        except Exception as error:  # noqa: BLE001 -- whatever a plugin may raise
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # noqa: BLE001 -- whatever a plugin may raise
             self._problem = f"task {self._action.verb!r} ({self._action.source}) raised {error!r}"

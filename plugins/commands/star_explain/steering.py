@@ -75,6 +75,8 @@ class Steering:
                 planned = np.where(plan.unreachable[:, None], velocity, plan.setpoint.velocity)
                 setpoint = replace(plan.setpoint, velocity=planned)
                 return np.array(avoider.avoid(estimate, setpoint).velocity)
-            except Exception:  # noqa: BLE001 -- whatever a plugin may raise, as the flight reports
+            except KeyboardInterrupt:
+                raise
+            except BaseException:  # noqa: BLE001 -- whatever a plugin may raise, as the flight reports
                 self._plugins = None
         return self._passing.velocity(now, estimate.position, goals, steered, velocity)

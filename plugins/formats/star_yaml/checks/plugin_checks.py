@@ -141,7 +141,9 @@ class PluginChecks:
             return [], []
         try:
             answer = list(call(*arguments, **options))
-        except (Exception, SystemExit) as error:  # noqa: BLE001 -- whatever it may raise
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # noqa: BLE001 -- whatever it may raise
             return [], [_broken(plugin, kind, function, f"raised {error!r}", "plugin-failed")]
         return [value for value in answer if sound(value)], [
             _broken(plugin, kind, function, f"yields {value!r}, expected {expected}")

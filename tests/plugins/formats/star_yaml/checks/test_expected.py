@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
@@ -55,6 +56,10 @@ def exits(_scene: object, _rows: object) -> Iterable[str]:
     sys.exit(3)
 
 
+def panics(_scene: object, _rows: object) -> Iterable[str]:
+    raise asyncio.CancelledError("panic")
+
+
 def generates(_scene: object, _rows: object) -> Iterator[str]:
     yield "a tune"
     raise RuntimeError("out of words")
@@ -69,10 +74,11 @@ def test_what_a_verb_expects_is_printed(tmp_path: Path) -> None:
     [
         (raises, "RuntimeError: out of words ("),
         (exits, "SystemExit: 3 ("),
+        (panics, "CancelledError: panic ("),
         (generates, "RuntimeError: out of words ("),
         (lambda *_: None, "TypeError: 'NoneType' object is not iterable ("),
     ],
-    ids=["raises", "exits", "generator raises", "nothing"],
+    ids=["raises", "exits", "panics", "generator raises", "nothing"],
 )
 def test_a_verb_that_fails_to_expect_is_named_at_its_step(
     tmp_path: Path, expects: Callable[..., Any], why: str

@@ -67,7 +67,7 @@ class Parts:
     def __init__(
         self,
         options: Mapping[str, Mapping[str, Any]] | None = None,
-        faults: Mapping[str, Iterable[Problem] | Exception] | None = None,
+        faults: Mapping[str, Iterable[Problem] | BaseException] | None = None,
     ) -> None:
         self._options = options or {}
         self._faults = faults or {}
@@ -79,7 +79,7 @@ class Parts:
         def check(*arguments: Any, **options: Any) -> Iterable[Problem]:
             self.asked[kind] = (*arguments, options)
             answer = self._faults.get(kind, ())
-            if isinstance(answer, Exception):
+            if isinstance(answer, BaseException):
                 raise answer
             return answer
 
@@ -243,6 +243,7 @@ def test_what_the_check_of_a_verb_finds_stands_in_its_step() -> None:
     [
         ("avoider", ZeroDivisionError("oops"), "avoider 'shy' (their-dist 1.2:parts) raised Zero"),
         ("task", ZeroDivisionError("oops"), "task 'wait' (their-dist 1.2:parts) raised Zero"),
+        ("task", BaseException("oops"), "task 'wait' (their-dist 1.2:parts) raised BaseException"),
         ("avoider", [(("odd",), "3 is odd")], "avoider 'shy' (their-dist 1.2:parts) yields (("),
     ],
 )
