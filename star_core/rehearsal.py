@@ -11,7 +11,7 @@ from star_core.messages.arrays import Array, Mask, Rows
 from star_core.messages.state import AgentPhase
 from star_core.mission import Action
 
-Outcome: TypeAlias = Literal["done", "late", "failed", "unknown"]
+Outcome: TypeAlias = Literal["done", "late", "failed", "raised", "unknown"]
 
 IN_FLIGHT: Final = (AgentPhase.TAKING_OFF, AgentPhase.FLYING, AgentPhase.LANDING)
 MIN_MOVE: Final = 1e-6  # m, rounding error of a position
@@ -29,9 +29,9 @@ class RehearsedStep:
         ended: Mission time, s; of a step of unknown duration, when the next one begins.
         timeout: Of the step, s; None if unknown.
         outcome: ``done``; ``late`` if it would have timed out before; ``failed`` for another
-            reason; ``unknown`` if its duration is not known.
-        problem: Why it is late or failed, or why its duration is not known; empty if it is done or
-            waits for what cannot be rehearsed.
+            reason; ``raised`` if its task raises; ``unknown`` if its duration is not known.
+        problem: Why it is late or failed, what its task raises, or why its duration is not known;
+            empty if it is done or waits for what cannot be rehearsed.
         on_board: Whether its agents fly trajectories on board, without setpoints.
     """
 

@@ -49,6 +49,8 @@ def problems(mission: Mission, registry: Registry) -> Iterator[Problem]:
 def _of_variant(mission: Mission, registry: Registry) -> Iterator[Problem]:
     """Yield what a rehearsal finds: timeouts, goals, and obstacles in the way of agents or below.
 
+    A task that raises is a warning: it may need what only a flight has.
+
     If positions drift, also agents that come too near to others, obstacles or fence for that, and
     agents that the margins for it leave no room to pass each other.
     """
@@ -65,6 +67,9 @@ def _of_variant(mission: Mission, registry: Registry) -> Iterator[Problem]:
             text = f"{step.action.verb} {step.fault}" + " in the rehearsal" * (not step.timed)
             at = (*path, "timeout") if step.timed else path
             yield Problem(at, text, "timeout-too-short", warning=not step.timed)
+        if step.raised:
+            text = f"{step.action.verb} fails in the rehearsal: {step.fault}"
+            yield Problem(path, text, "plugin-failed", warning=True)
         for blocked in step.blocked:
             text = f"{blocked}: planner {mission.plugins['planner'].use!r} ignores obstacles{hint}"
             yield Problem(path, text, "path-blocked", warning=avoider.avoids_obstacles)

@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, Final, cast
 
-from star_core import Estimate, Goals, Health, StarError, Status, Task, TaskOutput
-from star_core.toolkit import Action, Outcome, RehearsedStep, step_timeout
+from star_core import Estimate, Goals, Health, PluginError, Status, Task, TaskOutput
+from star_core.toolkit import Action, Outcome, PluginGuard, RehearsedStep, step_timeout
 from star_explain.words import seconds
 
 LONGEST: Final = 600.0  # s, greatest rehearsed duration of a step
@@ -48,8 +48,10 @@ class RehearsedTask:
         self._problem = ""
         self._task: Task | None = None
         if make is not None:
-            with self._noted():
+            try:
                 self._task = make()
+            except PluginError as error:
+                self._outcome, self._problem = "raised", str(error)
 
     def __getattr__(self, name: str) -> Any:
         """Return optional attributes of the task, as for a change of its agents."""
@@ -139,10 +141,7 @@ class RehearsedTask:
     def _noted(self) -> Iterator[None]:
         """Note what the task raises."""
         try:
-            yield
-        except StarError as error:
-            self._problem = str(error)
-        except KeyboardInterrupt:
-            raise
-        except BaseException as error:  # noqa: BLE001 -- whatever a plugin may raise
-            self._problem = f"task {self._action.verb!r} ({self._action.source}) raised {error!r}"
+            with PluginGuard(f"task {self._action.verb!r} ({self._action.source})"):
+                yield
+        except PluginError as error:
+            self._outcome, self._problem = "raised", str(error)

@@ -74,6 +74,11 @@ class StepResult:
         return any(step.outcome == "failed" for step in self.rounds)
 
     @property
+    def raised(self) -> bool:
+        """Whether its task raises."""
+        return any(step.outcome == "raised" for step in self.rounds)
+
+    @property
     def on_board(self) -> bool:
         """Whether its agents fly trajectories on board, without steering."""
         return any(step.on_board for step in self.rounds)

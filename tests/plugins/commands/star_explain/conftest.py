@@ -39,9 +39,11 @@ def rehearse(tmp_path: Path) -> Rehearse:
 def warn(tmp_path: Path) -> Warn:
     """Return a function that returns the warnings about a mission in ``hall.yaml``."""
 
-    def warned(mission: str, *changes: str, world: str = HALL) -> list[str]:
+    def warned(
+        mission: str, *changes: str, world: str = HALL, plugins: tuple[object, ...] = ()
+    ) -> list[str]:
         (tmp_path / "hall.yaml").write_text(world)
         (tmp_path / "m.yaml").write_text(mission)
-        return [*check_file(tmp_path / "m.yaml", Registry(), changes)[1]]
+        return [*check_file(tmp_path / "m.yaml", Registry(*plugins), changes)[1]]
 
     return warned

@@ -431,7 +431,8 @@ def test_verbs_that_raise_are_reported_closed_and_skipped(write: Write) -> None:
     broken = Broken()
     first, second = told(write("  - break: {}\n  - takeoff: {}\n"), broken).parts
     assert isinstance(first, StepResult)
-    assert "raised RuntimeError('no')" in first.fault
+    assert "task 'break' (" in first.fault
+    assert "): RuntimeError: no (" in first.fault
     assert first.limit is None
     assert second.limit == pytest.approx(13.0)
     assert broken.closed == 1
