@@ -62,7 +62,10 @@ def check(scene: Scene, *, system: str, **_options: Any) -> Iterable[Problem]:
         )
         yield Problem((), text, "no-positioning")
     elif simulated not in (None, system):
-        text = f"the simulated drones receive {simulated!r}, not {system!r}"
+        text = (
+            f"the simulated drones receive {simulated!r}, not {system!r}; write localizer: "
+            f"{{use: onboard, system: {simulated}}}"
+        )
         yield Problem(("system",), text, "option-conflict")
     place = BEACONS.get(system)
     if place is not None and not getattr(scene.world, place):

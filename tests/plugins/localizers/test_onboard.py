@@ -192,6 +192,12 @@ def test_systems_that_drones_do_not_have_are_refused(
     assert findings(replace(scene(1), **changes), system) == expected
 
 
+def test_the_system_that_the_drones_have_is_named() -> None:
+    problem, *_ = check(replace(scene(1), onboard_system="lighthouse"), system="poses")
+    assert problem.path == ("system",)
+    assert problem.message.endswith("; write localizer: {use: onboard, system: lighthouse}")
+
+
 def test_localizers_that_expect_odometry_are_refused() -> None:
     with pytest.raises(InputError) as caught:
         load(onboard.LIGHTHOUSE, Registry(), ["localizer=flow"])
