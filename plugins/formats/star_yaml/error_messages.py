@@ -185,6 +185,9 @@ def _alternatives(breach: Breach) -> str:
 _MESSAGES: Final[Mapping[str, Callable[[Breach], str]]] = {
     "type": _type,
     "enum": _enum,
+    "const": lambda breach: (
+        f"{show(breach.value)} is not possible here, expected {show(breach.operand)}"
+    ),
     "pattern": lambda breach: f"{show(breach.value)} is not possible here: {breach.reason}",
     **dict.fromkeys(
         _BOUNDS,

@@ -145,7 +145,7 @@ def test_plugins_that_need_options_are_no_bare_names() -> None:
         ("even: 3", "28: avoider 'orca': even: 3 is not a multiple of 2"),
         ("side: left", "10: avoider 'orca': 'horizon' is a dependency of 'side'"),
         ("level: 5", "29: avoider 'orca': level: 5 is a number, expected a string; put it in quo"),
-        ("mode: slow", "28: avoider 'orca': mode: 'fast' was expected"),
+        ("mode: slow", "28: avoider 'orca': mode: 'slow' is not possible here, expected 'fast'"),
         ("both: 1", "28: avoider 'orca': both: 1 is valid under each of {'type': 'integer'}, {"),
         ("nearest: a", "31: avoider 'orca': nearest: 'a' is a string, expected a number"),
     ],
