@@ -50,13 +50,27 @@ def blocked_plugins() -> str:
 
 def installed_plugins() -> Iterator[tuple[EntryPoint, Source]]:
     """Yield the entry points of installed plugins that the environment permits, in order."""
-    blocked = blocked_plugins().split(",")
-    allowed = os.environ.get(ALLOW_PLUGINS)
     for entry in sorted(entry_points(group=ENTRY_POINT_GROUP)):
         source = _source(entry)
-        named = allowed is None or entry.name in allowed.split(",") or source.own
-        if named and entry.name not in blocked:
+        if not _why_blocked(entry, source):
             yield entry, source
+
+
+def blocked_hint(name: str) -> str:
+    """Return why the environment keeps an installed plugin of a name out; empty if it does not."""
+    for entry in entry_points(group=ENTRY_POINT_GROUP):
+        if entry.name == name and (why := _why_blocked(entry, source := _source(entry))):
+            return f"; plugin {source} is installed, but {why}"
+    return ""
+
+
+def _why_blocked(entry: EntryPoint, source: Source) -> str:
+    if entry.name in blocked_plugins().split(","):
+        return f"blocked by {BLOCK_PLUGINS}"
+    allowed = os.environ.get(ALLOW_PLUGINS)
+    if allowed is None or entry.name in allowed.split(",") or source.own:
+        return ""
+    return f"not in {ALLOW_PLUGINS}"
 
 
 def _source(entry: EntryPoint) -> Source:

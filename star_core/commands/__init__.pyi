@@ -12,6 +12,7 @@ from star_core.commands.output import write_report as write_report
 from star_core.commands.output import writing as writing
 from star_core.commands.signals import land_on_signals as land_on_signals
 from star_core.discovery import Source as Source
+from star_core.discovery import blocked_hint as blocked_hint
 from star_core.plugin_support.option_schema import PIPELINE_KINDS as PIPELINE_KINDS
 from star_core.plugin_support.option_schema import SHARED as SHARED
 from star_core.plugin_support.registry import Found as Found

@@ -111,7 +111,10 @@ def _command(name: str, arguments: list[str]) -> int:
         gc.set_threshold(GARBAGE)
     names = registry.names("command")
     if name not in names:
-        raise StarError(f"star has no command {name!r}{suggestion(name, names, 'there are')}")
+        from star_core.discovery import blocked_hint
+
+        hint = blocked_hint(name) or suggestion(name, names, "there are")
+        raise StarError(f"star has no command {name!r}{hint}")
     from contextlib import nullcontext
 
     from star_core.commands.command_line import run_command

@@ -10,7 +10,13 @@ from typing import Any
 
 import pluggy
 
-from star_core.discovery import BLOCK_PLUGINS, Source, blocked_plugins, installed_plugins
+from star_core.discovery import (
+    BLOCK_PLUGINS,
+    Source,
+    blocked_hint,
+    blocked_plugins,
+    installed_plugins,
+)
 from star_core.errors import InputError, PluginError, suggestion
 from star_core.plugin_support import hookspecs
 from star_core.plugin_support.guard import PluginGuard
@@ -235,7 +241,7 @@ class Registry:
             skipped = "".join(
                 f"; plugin {source} was left out: {why}" for source, why in self.broken.items()
             )
-            hint = suggestion(name, self.names(kind), "there are")
+            hint = blocked_hint(name) or suggestion(name, self.names(kind), "there are")
             raise PluginError(f"no {words} named {name!r}{hint}{skipped}", "unknown-plugin")
         if len(matches) > 1:
             sources = " and ".join(str(match.source) for match in matches)

@@ -11,10 +11,20 @@ from typing import Any
 
 import pytest
 
-from star_core import AvoiderSpec, PlannerSpec, PluginError, TaskSpec, Tick, hookimpl
+from star_core import (
+    AvoiderSpec,
+    InputError,
+    PlannerSpec,
+    PluginError,
+    TaskSpec,
+    Tick,
+    hookimpl,
+    load,
+)
 from star_core.commands import CommandSpec, Source
 from star_core.plugin_support.registry import Registry, guarded
 from star_core.toolkit import KindSpec, Spec
+from tests.conftest import HOP
 
 NEVER_MADE: Any = object
 
@@ -136,6 +146,35 @@ def test_missing_names_report_the_plugins_left_out(install: Callable[[str, str],
         "; plugin bad_star-dist 1.0:bad_star was left out: ZeroDivisionError: division by zero"
         in str(caught.value)
     )
+
+
+@pytest.mark.parametrize(
+    ("variable", "value", "why"),
+    [
+        ("STAR_BLOCK_PLUGINS", "tired", "blocked by STAR_BLOCK_PLUGINS"),
+        ("STAR_ALLOW_PLUGINS", "other", "not in STAR_ALLOW_PLUGINS"),
+    ],
+)
+def test_a_name_of_a_blocked_plugin_is_explained(
+    install: Callable[[str, str], None],
+    hop: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    variable: str,
+    value: str,
+    why: str,
+) -> None:
+    install("tired", GOOD)
+    monkeypatch.setenv(variable, value)
+    registry = Registry()
+    hint = f"'tired'; plugin tired-dist 1.0:tired is installed, but {why} [unknown-"
+    with pytest.raises(PluginError) as missing:
+        registry.find("avoider", "tired")
+    assert f"no avoider named {hint}plugin]" in str(missing.value)
+    (hop / "hop.yaml").write_text(HOP.replace("land:", "tired:"))
+    with pytest.raises(InputError) as caught:
+        load(hop / "hop.yaml", registry, ["avoider=tired"])
+    assert f"no avoider named {hint}plugin]" in str(caught.value)
+    assert f"unknown verb {hint}verb]" in str(caught.value)
 
 
 def test_a_plugin_that_is_refused_leaves_nothing_behind(registry: Registry) -> None:

@@ -10,7 +10,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-from star_core.commands import PIPELINE_KINDS
+from star_core.commands import PIPELINE_KINDS, blocked_hint
 from star_core.toolkit import suggestion
 from star_yaml.document import Location
 from star_yaml.error_messages import CODES, Breach, hint_to_write, message, show, what
@@ -145,6 +145,8 @@ def _unknown(breach: Breach, key: str, data: Any) -> Fault:
     else:
         hint = suggestion(key, free) or suggestion(key, names, "expected one of")
     noun = _noun(breach.path)
+    if noun == "verb":
+        hint = blocked_hint(word) or hint
     text = _about(breach.path, data, f"unknown {noun} {show(key)}{hint}")
     code = "unknown-verb" if noun == "verb" else "unknown-option"
     return Fault((*breach.path, key), text, code, key=True)
@@ -204,6 +206,7 @@ def _choice(breach: Breach) -> tuple[str, str]:
         return f"{kind}: {what(value)}, expected a name or {{use: name, ...}}", "wrong-type"
     if breach.keyword == "enum":
         hint = suggestion(value, breach.operand, "installed") or "; none is installed"
+        hint = blocked_hint(value) or hint
         return f"no {kind} named {show(value)}{hint}", "unknown-plugin"
     needs = ", ".join(f"{name}: ..." for name in breach.rules.get("required", ()))
     text = f"{kind} {value!r} has options that must be given"
