@@ -36,6 +36,10 @@ DTYPES: Final = {
 }
 """Type of a column's elements, by the annotation of its field."""
 
+CONVERTIBLE: Final = "biufO"
+"""Kinds of arrays that columns are made of: truth values, integers, floats and objects. Complex
+numbers would lose their imaginary parts, and text is no number."""
+
 FROZEN: Final = frozenset({0x105, 0x107})
 """`flags.num` of read-only arrays in C order that own their data: nothing can write to them. Those
 with one row or one axis are in Fortran's order as well."""
@@ -221,7 +225,13 @@ def freeze(*arrays: np.ndarray) -> None:
 def _convert(owner: Table, name: str, dtype: np.dtype[Any]) -> np.ndarray:
     """Replace a field by a read-only C array of a type, and return it."""
     try:
-        array = np.array(getattr(owner, name), dtype=dtype, order="C")
+        values = np.asarray(getattr(owner, name))
+        if values.dtype is not dtype and values.dtype.kind not in CONVERTIBLE:
+            elements = values.dtype.type.__name__.rstrip("_")
+            raise ContractError(
+                f"{type(owner).__name__}.{name} is an array of {elements}, expected {dtype}"
+            )
+        array = np.array(values, dtype=dtype, order="C")
     except (TypeError, ValueError) as error:
         raise ContractError(f"{type(owner).__name__}.{name} is no array: {error}") from error
     array.setflags(write=False)

@@ -99,7 +99,10 @@ LASTING: Mapping[str, tuple[Right, str]] = {  # from the flight's begin on; word
     "NaN": (returns(lambda a: a * np.nan), " is [nan, nan, nan], expected numbers"),
     "inf": (returns(lambda a: a + np.inf), " is [inf, inf, inf], expected numbers"),
     "wrong shape": (returns(lambda a: a[:, :2]), " has shape (2, 2), expected (2, 3)"),
-    "wrong dtype": (returns(lambda a: a.astype(str) + "m"), " is no array: could not convert"),
+    "wrong dtype": (
+        returns(lambda a: a.astype(str) + "m"),
+        " is an array of str, expected float64",
+    ),
     "None": (lambda *_: None, "returned NoneType, expected "),
     "mutates its input": (mutates, "ValueError: assignment destination is read-only ("),
 }

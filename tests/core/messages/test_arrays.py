@@ -110,3 +110,26 @@ def test_a_table_of_no_rows_has_the_declared_shapes(kind: Any) -> None:
             assert column is None
         else:
             assert (column.shape, column.dtype) == ((2, *column_spec.row), column_spec.dtype)
+
+
+@pytest.mark.parametrize(
+    ("velocity", "elements"),
+    [
+        (np.ones((2, 3)) * 1j, "complex128"),
+        (np.ones((2, 3)).astype(str), "str"),
+        ([["1", "2", "3"]] * 2, "str"),
+        (np.zeros((2, 3), "datetime64[s]"), "datetime64"),
+    ],
+)
+def test_arrays_that_are_no_numbers_are_refused(velocity: Any, elements: str) -> None:
+    with pytest.raises(ContractError) as caught:
+        Setpoint(velocity, rows(2), rows(2) > 0)
+    text = f"Setpoint.velocity is an array of {elements}, expected float64 [contract-broken]"
+    assert str(caught.value) == text
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.int8, np.uint64, np.bool_, object])
+def test_arrays_of_numbers_are_converted(dtype: Any) -> None:
+    made = Setpoint(np.ones((2, 3), dtype), rows(2), rows(2) > 0)
+    assert made.velocity.dtype == np.float64
+    assert made.velocity.tolist() == [[1.0] * 3] * 2
