@@ -32,6 +32,7 @@ from star_radio import rescue
 from star_radio.options import RadioOptions
 from star_radio.report import flying
 from star_radio.sensors import Sensors, connecting
+from star_radio.takeoffs import ATTEMPTS, REPLY_TIME, WRITE_TIMEOUT
 
 log = logging.getLogger(__name__)
 
@@ -42,7 +43,9 @@ CLOSE_TIMEOUT: Final = 60.0  # s, for landings that the guardian has begun, and 
 EXIT_TIMEOUT: Final = 2.0  # s
 UNATTENDED_TIME: Final = 10.0  # s, for which a flight without a terminal waits for landings
 POLL_PERIOD: Final = 0.2  # s
-LAST_TAKEOFF: Final = 2.0  # s after the command, within which an agent reports to fly
+LAST_TAKEOFF: Final = WRITE_TIMEOUT + ATTEMPTS * REPLY_TIME + 2.0
+"""s after the command: 2 s after the last start that is sent, within which an agent reports to
+fly."""
 
 
 class Answer(NamedTuple):

@@ -18,6 +18,7 @@ from star_core.testing import scene
 from star_fleet.link_faults import LinkFaults
 from star_fleet.server import Fleet
 from star_radio.guarded import GuardedRadio
+from star_radio.takeoffs import ATTEMPTS, REPLY_TIME, WRITE_TIMEOUT
 from tests.end_to_end.virtual_air import ON_FLOOR
 from tests.plugins.transports.star_radio.conftest import UNSERVED, command, options, reached
 from tests.simulators import ideal_fleet
@@ -171,3 +172,11 @@ def test_what_keeps_the_links_from_opening_is_reported(tmp_path: Path) -> None:
     with closing(radio), pytest.raises(PluginError, match="cannot reach 1 of 1 agents") as raised:
         radio.connect()
     assert raised.value.code == "agents-unreachable"
+
+
+def test_drones_that_may_start_late_count_as_in_the_air(flight: Flight) -> None:
+    flight.radio.connect()
+    flight.radio.wait(0.0)
+    assert flight.radio._airborne() == []
+    flight.radio._taken_off[1] = time.monotonic() - WRITE_TIMEOUT - ATTEMPTS * REPLY_TIME
+    assert [drone.name for drone in flight.radio._airborne()] == ["cf2"]
