@@ -10,7 +10,7 @@ import numpy as np
 
 from star_core import Array, Estimate, Goals, Mask, Mission, Registry
 from star_core.testing import straight_velocity
-from star_core.toolkit import wrap_angle
+from star_core.toolkit import PluginGuard, wrap_angle
 from star_explain.passing import Passing
 from star_explain.separation import option
 from star_explain.uncertainty import Uncertainty
@@ -40,7 +40,11 @@ class Steering:
         used = {kind: mission.plugins[kind] for kind in ("planner", "avoider")}
         specs = {kind: registry.find(kind, used[kind].use).offer for kind in used}
         if (scene.world.obstacles or scene.world.virtual) and specs["planner"].avoids_obstacles:
-            self._plugins = tuple(specs[kind].make(scene, **used[kind].options) for kind in used)
+            made = []
+            for kind, choice in used.items():
+                with PluginGuard(str(choice)):
+                    made.append(specs[kind].make(scene, **choice.options))
+            self._plugins = tuple(made)
 
     def heading(self, estimate: Estimate, goals: Goals) -> Array:
         """Return the headings of all agents, which turn to their goals', (N,) rad."""

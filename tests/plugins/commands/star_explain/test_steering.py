@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from star_core import AgentPhase, PlannerSpec, hookimpl
+from star_core import AgentPhase, PlannerSpec, PluginError, hookimpl
 from tests.plugins.commands.star_explain.conftest import HALL, Rehearse
 
 WORLD = HALL + "obstacles: {block: {box: {centre: [1.5, 0], size: [1, 1]}, height: [0, 3]}}\n"
@@ -54,6 +54,17 @@ def test_the_planner_leads_around_obstacles(rehearsed: Rehearse) -> None:
     assert abs(around.position[:, 0, 1]).max() > 0.65  # m: half the block, and most of a clearance
     assert abs(straight.position[:, 0, 1]).max() < 0.01
     assert around.time[-1] > straight.time[-1]
+
+
+def test_a_planner_that_cannot_be_made_is_named(
+    rehearsed: Rehearse, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def raises(_self: Broken, _scene: Any) -> None:
+        raise ZeroDivisionError
+
+    monkeypatch.setattr(Broken, "__init__", raises)
+    with pytest.raises(PluginError, match=r"planner 'broken' \(.*\): ZeroDivisionError"):
+        rehearsed("planner=broken")
 
 
 def test_agents_turn_at_the_yaw_rate_of_the_planner(rehearsed: Rehearse) -> None:
