@@ -7,20 +7,35 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, Final, NamedTuple, cast
 
+import numpy as np
+
 from star_core import InputError, Registry, World
 from star_core.formats import format_function, read_as
-from star_core.toolkit import PAPERS, TAG_SIZE, Fill, Outline, Page, Point, Text, rectangle
+from star_core.toolkit import (
+    PAPERS,
+    TAG_SIZE,
+    Fill,
+    Outline,
+    Page,
+    Point,
+    Text,
+    quaternion_from_euler,
+    rectangle,
+    rotation_from_quaternion,
+)
 
 MARGIN: Final = 14.0  # mm: more than the unprintable margin of printers
 HEAD: Final = 16.0  # mm at the top for the title
 STRIP: Final = 26.0  # mm at the bottom for the bar and what the plan is
 SCALES: Final = (5, 10, 20, 25, 30, 40, 50, 75, 100, 150, 200, 250, 500, 1000)  # 1:N
 LINE: Final = 6.0  # mm between the lines of the table
-COLUMNS: Final = (0.0, 30.0, 74.0, 92.0, 110.0, 128.0, 148.0, 168.0)  # mm, of the table
-TITLES: Final = ("tags", "name", "x", "y", "z", "yaw", "from A", "from B")
+COLUMNS: Final = (0.0, 30.0, 71.0, 86.0, 101.0, 116.0, 150.0, 168.0)  # mm, of the table
+TITLES: Final = ("tags", "name", "x", "y", "z", "roll, pitch, yaw", "from A", "from B")
+TURNS: Final = ("roll", "pitch", "yaw")  # about the map's axes, in this order
 LETTER: Final = 1.6  # mm, mean width of a letter of 3 mm
 LEAST_BAR: Final = 20.0  # mm
 LEAST_DRAWN: Final = 2.5  # mm, edge of a tag on the plan
+EDGE_ON: Final = 1.2  # mm, width of an upright tag on the plan
 
 
 class Place(NamedTuple):
@@ -29,8 +44,16 @@ class Place(NamedTuple):
     name: str
     tags: tuple[int, ...]
     at: tuple[float, float, float]  # middle, map frame, m
-    yaw: float  # rad
+    turn: tuple[float, float, float]  # roll, pitch and yaw, degrees
     size: float  # m
+
+    @property
+    def axes(self) -> tuple[Point, Point]:
+        """The tag's right and its up direction, as they are seen from above."""
+        angles = (np.array([math.radians(angle)]) for angle in self.turn)
+        rotation = rotation_from_quaternion(quaternion_from_euler(*angles)[0])
+        (right_x, up_x, _), (right_y, up_y, _), _ = rotation.tolist()
+        return (right_x, right_y), (up_x, up_y)
 
 
 def plan_pages(path: Path, paper: str, registry: Registry) -> list[Page]:
@@ -54,9 +77,9 @@ def _places(data: Any) -> Iterator[Place]:
     for kind in ("landmarks", "targets"):
         for name, spec in data.get(kind, {}).items():
             x, y, z = (float(value) for value in spec["at"])
-            yaw = math.radians(float(spec.get("yaw_deg", 0.0)))
+            roll, pitch, yaw = (float(spec.get(f"{turn}_deg", 0.0)) for turn in TURNS)
             size = float(spec.get("size", TAG_SIZE))
-            yield Place(str(name), tuple(spec["tags"]), (x, y, z), yaw, size)
+            yield Place(str(name), tuple(spec["tags"]), (x, y, z), (roll, pitch, yaw), size)
 
 
 def _plan(world: World, places: Sequence[Place], paper: str) -> Page:
@@ -88,9 +111,12 @@ def _plan(world: World, places: Sequence[Place], paper: str) -> Page:
     for place in places:
         x, y = on_page(*place.at[:2])
         half = max(per_metre * place.size, LEAST_DRAWN) / 2
-        squares.append(_turned((x, y), half, place.yaw))
-        tip = x - 2 * half * math.sin(place.yaw), y + 2 * half * math.cos(place.yaw)
-        squares.append(_stroke((x, y), tip, 0.4))
+        (right_x, right_y), (up_x, up_y) = place.axes
+        across, up = (half * right_x, half * right_y), (half * up_x, half * up_y)
+        squares.append(_parallelogram((x, y), across, up))
+        begin, end = (x - across[0], y - across[1]), (x + across[0], y + across[1])
+        squares.append(_stroke(begin, end, EDGE_ON))
+        squares.append(_stroke((x, y), (x + 2 * up[0], y + 2 * up[1]), 0.4))
         label = f"{_numbers(place.tags)} ({place.at[0]:g}, {place.at[1]:g})"
         below = x - LETTER * len(label) / 2, y - 1.5 * half - 4.0  # of a square turned by any angle
         names.append(Text(below, 3.0, label))
@@ -129,8 +155,8 @@ def _bar(scale: int) -> list[Fill | Text]:
     return [
         Fill((*ends, rectangle((MARGIN + 0.5, 14.75), long - 1, 0.5))),
         Text((MARGIN + long + 2, 13.5), 3.5, f"{metres:g} m"),
-        Text((MARGIN, 7), 3.5, "Frame: the fence. A tag's line points to its upper edge; labels"
-             " have tags and (x, y) of their middle in m."),
+        Text((MARGIN, 7), 3.5, "Frame: the fence. A tag's line points to its upper edge, upright"
+             " tags have none; labels: tags and (x, y) of their middle, m."),
     ]  # fmt: skip
 
 
@@ -148,7 +174,7 @@ def _table(name: str, world: World, places: Sequence[Place], paper: str) -> list
             _numbers(place.tags),
             place.name[:22],
             *(f"{value:.3f}" for value in place.at),
-            f"{math.degrees(place.yaw):g}°",
+            ", ".join(f"{angle:g}°" for angle in place.turn),
             f"{math.hypot(place.at[0] - ax, place.at[1] - ay):.3f}",
             f"{math.hypot(place.at[0] - bx, place.at[1] - by):.3f}",
         )
@@ -200,16 +226,13 @@ def _stroke(begin: Point, end: Point, width: float) -> Outline:
     )
 
 
-def _turned(middle: Point, half: float, angle: float) -> Outline:
-    """Return a square that is turned, anticlockwise."""
-    cos, sin = half * math.cos(angle), half * math.sin(angle)
-    x, y = middle
-    return (
-        (x - cos + sin, y - sin - cos),
-        (x + cos + sin, y + sin - cos),
-        (x + cos - sin, y + sin + cos),
-        (x - cos - sin, y - sin + cos),
-    )
+def _parallelogram(middle: Point, first: Point, second: Point) -> Outline:
+    """Return the outline whose edges are twice two vectors, anticlockwise."""
+    corners = [
+        (middle[0] + a * first[0] + b * second[0], middle[1] + a * first[1] + b * second[1])
+        for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))
+    ]
+    return _anticlockwise(corners)
 
 
 def _anticlockwise(outline: list[Point]) -> Outline:

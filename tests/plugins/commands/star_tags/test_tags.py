@@ -273,6 +273,32 @@ def test_the_plan_shows_each_tag_to_scale(world: World) -> None:
     assert {"4.808", "3.453"} <= set(cells)  # from A and B to the corner, m
 
 
+@pytest.mark.parametrize(
+    ("turns", "way"),
+    [
+        ("yaw_deg: 0", (0, 1)),
+        ("yaw_deg: 90", (-1, 0)),
+        ("roll_deg: 180", (0, -1)),  # on the ceiling
+        ("roll_deg: 180, yaw_deg: 90", (1, 0)),
+        ("pitch_deg: 180", (0, 1)),
+        ("roll_deg: 90, yaw_deg: 45", (0, 0)),  # upright
+    ],
+)
+def test_the_line_of_a_tag_on_the_plan_points_up(
+    turns: str, way: tuple[int, int], world: World
+) -> None:
+    path = world(f"landmarks:\n  sheet: {{tags: [0], at: [1, 1, 2], {turns}, size: 0.1}}\n")
+    plan, table = plan_pages(path, "a4", Registry())
+    black = [mark for mark in plan.marks if isinstance(mark, Fill) and mark.gray == 0]
+    square, _, line = (np.array(mark.outlines[0]) for mark in black[-4:-1])  # then the bar
+    ends = line[1:3].mean(axis=0) - line[[0, 3]].mean(axis=0)
+    assert ends == pytest.approx(100 / 25 * np.array(way), abs=1e-6)  # mm, at 1:25
+    assert square.mean(axis=0) == pytest.approx(line[[0, 3]].mean(axis=0))
+    angles = [float(word.split(": ")[1]) for word in turns.split(", ")]
+    cells = [mark.content for mark in table.marks if isinstance(mark, Text)]
+    assert all(any(f"{angle:g}°" in cell for cell in cells) for angle in angles)
+
+
 def test_a_long_table_continues_on_further_pages(world: World) -> None:
     lines = [f"  t{i}: {{tags: [{i}], at: [{i % 10 / 5 - 1}, {i // 10 / 5 - 1}, 0], size: 0.05}}"
              for i in range(60)]  # fmt: skip
