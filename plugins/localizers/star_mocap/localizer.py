@@ -17,6 +17,7 @@ from star_core import (
     Mask,
     PoseFixes,
     Registry,
+    Rows,
     Scene,
     Supervisor,
     Telemetry,
@@ -25,7 +26,7 @@ from star_core import (
 from star_core.toolkit import SurfaceHeights, records, shortlist, wrap_angle, yaw_from_quaternion
 from star_mocap.forwarding import Forwarding
 from star_mocap.identities import UNKNOWN, assign, gates
-from star_mocap.kernel import COLUMNS, FILTER, YAW, correct, move, positions_at
+from star_mocap.kernel import COLUMNS, FILTER, QX, QZ, YAW, correct, move, positions_at
 from star_mocap.odometry import LAG_STD, REPORT_STD, START_STD
 from star_mocap.source import MocapSourceSpec
 from star_mocap.time_offset import Latency, TimeOffset
@@ -39,6 +40,7 @@ REPORTED_STD: Final = 5e-3  # s, of a latency that is reported
 LAG_MEMORY: Final = 1.0  # s
 MAX_LATE: Final = 0.5  # s, by which a frame may be older than the newest, as before the flight
 GROUND_AGE: Final = 0.3  # s, of a measurement with which an agent may take off
+FROZEN: Final = 0.05  # m that an agent flies by odometry while the same position is measured
 
 
 class Mocap:
@@ -98,6 +100,8 @@ class Mocap:
         self._reported = np.zeros((n, 3))
         self._heading = np.zeros(n)
         self._measured = np.full(n, -np.inf)  # s, of the last measurement
+        self._last_fix = np.full((n, 3), np.nan)  # m, the last measured position, and by odometry
+        self._since_fix = np.full((n, 3), np.nan)  # m, where the agent was when it was new
         self._all_seen = False
         self._velocities: deque[tuple[float, Array]] = deque()  # s, m/s in the map
         self._lost = np.zeros(n, np.bool_)  # agents whose loss was reported
@@ -135,10 +139,12 @@ class Mocap:
         move(self._filters, np.ascontiguousarray(report))
         speed = np.where(finite, np.linalg.norm(telemetry.velocity, axis=1), 0.0)
         fixes = self._identified(self._received(telemetry), speed)
-        self._note_latency(telemetry, fixes)
+        new, fresh = self._changed(fixes, report[:, QX : QZ + 1], telemetry.state)
+        self._note_latency(telemetry, fixes.of(new))
         timed, lag = self._timed(fixes, speed)
-        self._correct(timed, lag)
-        np.maximum.at(self._measured, timed.agent, timed.time)
+        np.maximum.at(self._measured, timed.agent[fresh], timed.time[fresh])
+        timed = timed.of(new)
+        self._correct(timed, lag[new])
         self._reported = np.where(finite[:, None], telemetry.position, self._reported)
         self._heading = np.where(finite, heading, self._heading)
         turn = wrap_angle(self._state[:, YAW] - self._heading)
@@ -235,6 +241,33 @@ class Mocap:
         self._note_exchange(exchanged)
         kept = np.flatnonzero(agent != UNKNOWN)
         return replace(fixes.of(kept), agent=agent[kept])
+
+    def _changed(self, fixes: PoseFixes, flown: Array, state: Rows) -> tuple[Rows, Rows]:
+        """Return the rows of measurements that are not repeated, and of those that may be right.
+
+        Some systems repeat the last pose of a body that they have lost. In flight, a position that
+        is that of the measurement before it corrects nothing, and a body whose agent flies away
+        from it is lost.
+
+        Args:
+            fixes: Of agents.
+            flown: (N, 3) positions by odometry, m.
+            state: (N,) bits of `Supervisor`.
+        """
+        order = np.argsort(fixes.agent, kind="stable")
+        agent, position = fixes.agent[order], fixes.position[order]
+        before = np.roll(position, 1, axis=0)
+        first = np.diff(agent, prepend=-1) != 0
+        before[first] = self._last_fix[agent[first]]
+        changed = np.zeros(len(order), np.bool_)
+        changed[order] = (position != before).any(axis=1)
+        self._last_fix[agent] = position
+        moved = fixes.agent[changed]
+        self._since_fix[moved] = flown[moved]
+        flying = state & int(Supervisor.FLYING) != 0
+        away = flying & (np.linalg.norm(flown - self._since_fix, axis=1) > FROZEN)
+        usable = changed | ~flying[fixes.agent]
+        return np.flatnonzero(usable), np.flatnonzero(changed | ~away[fixes.agent])
 
     def _note_exchange(self, exchanged: Mapping[int, int]) -> None:
         """Report labels of other agents, once for each exchange."""

@@ -20,6 +20,7 @@ from star_core import (
     Localizer,
     PoseFixes,
     Registry,
+    Supervisor,
     Tick,
     fly,
     hookimpl,
@@ -133,6 +134,37 @@ def test_late_fixes_count_for_the_time_at_which_they_were_taken() -> None:
     )
     estimate = located(localizer(), late)
     assert estimate.position[0] == pytest.approx([1 + 0.5 * 199 / 20, 2, 0.8], abs=0.01)
+
+
+def test_a_body_that_is_frozen_in_flight_is_lost() -> None:
+    plugin, velocity = localizer(), np.array([[0.5, 0.0, 0.0]])
+    flying = np.array([int(Supervisor.FLYING)])
+    valid, error = [], []
+    for tick in range(140):
+        time = tick / 20
+        measured = 2.0 if 2.0 <= time < 5.0 else time
+        now = report(
+            [[0.5 * time, 0, 0.8]],
+            time=time,
+            velocity=velocity,
+            state=flying,
+            fixes=fixes(time, [[1 + 0.5 * measured, 2, 0.8]]),
+        )
+        estimate = plugin.locate(now)
+        valid.append(bool(estimate.valid[0]))
+        error.append(abs(estimate.position[0, 0] - 1 - 0.5 * time))
+    assert max(error) < 0.01
+    assert [valid[20 * second + 10] for second in range(2, 7)] == [True, False, False, True, True]
+
+
+@pytest.mark.parametrize("state", [0, int(Supervisor.FLYING)])
+def test_a_body_that_stays_where_its_agent_does_is_located(state: int) -> None:
+    plugin = localizer()
+    for tick in range(100):
+        measured = fixes(tick / 20, [[1.0, 2.0, 0.8]])
+        now = report([[0, 0, 0.8]], time=tick / 20, state=np.array([state]), fixes=measured)
+        estimate = plugin.locate(now)
+    assert estimate.valid.all()
 
 
 def test_a_wrong_start_and_heading_are_corrected() -> None:
