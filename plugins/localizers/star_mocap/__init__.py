@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from star_core import InputError, LocalizerSpec, Problem, deferred, hookimpl
+from star_core import LocalizerSpec, Problem, deferred, hookimpl
 from star_core.toolkit import KindSpec, number, positive
 from star_mocap.source import MocapSourceSpec
 
@@ -72,9 +72,14 @@ OPTIONS: dict[str, Any] = {
 
 
 def check(
-    registry: Registry, scene: Scene, *, source: Mapping[str, Any] | None = None, **_options: Any
+    registry: Registry,
+    scene: Scene,
+    *,
+    bodies: Mapping[str, str],
+    source: Mapping[str, Any] | None = None,
+    **_options: Any,
 ) -> Iterable[Problem]:
-    """Require one source of measured poses."""
+    """Require one source of measured poses, and a body for each agent."""
     if source is None:
         if not scene.measures_positions:
             yield Problem(
@@ -91,19 +96,8 @@ def check(
         )
         yield Problem(("source",), text, "option-conflict")
     else:
-        yield from MocapSourceSpec.check(registry, {"source": source})
-        spec = registry.find("mocap_source", *source).offer
-        yield from _missing(scene, source, spec.files)
-
-
-def _missing(scene: Scene, source: Mapping[str, Any], files: Iterable[str]) -> Iterator[Problem]:
-    """Yield the files that a source reads and that are not there."""
-    ((name, options),) = source.items()
-    for option in files:
-        try:
-            scene.file(options[option])
-        except InputError as error:
-            yield Problem(("source", name, option), error.message, error.code)
+        options = {"source": source, "bodies": bodies}
+        yield from MocapSourceSpec.check(registry, scene, options)
 
 
 @hookimpl

@@ -12,8 +12,8 @@ from dataclasses import dataclass, field
 from importlib import util
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from star_core import PluginError, Problem
-from star_core.toolkit import Spec, fill_defaults, number, positive
+from star_core import InputError, PluginError, Problem
+from star_core.toolkit import Spec, fill_defaults, number, positive, suggestion
 
 if TYPE_CHECKING:
     from star_core import Registry, Scene
@@ -115,13 +115,30 @@ class MocapSourceSpec(Spec):
         }
 
     @staticmethod
-    def check(registry: Registry, options: Mapping[str, Any]) -> Iterable[Problem]:
-        """Yield a problem if the package of the source that options choose is not installed."""
-        (name,) = options["source"]
-        package, install = registry.find(KIND, name).offer.package
+    def check(registry: Registry, scene: Scene, options: Mapping[str, Any]) -> Iterable[Problem]:
+        """Yield why a system with the options of `system_options` cannot be used."""
+        ((name, chosen),) = options["source"].items()
+        spec = registry.find(KIND, name).offer
+        package, install = spec.package
         if package and not installed(package):
             text = f"it needs the package {package!r}: pip install {install}"
             yield Problem(("source", name), text, "missing-package")
+        for option in spec.files:
+            try:
+                scene.file(chosen[option])
+            except InputError as error:
+                yield Problem(("source", name, option), error.message, error.code)
+        bodies = options.get("bodies", {})
+        for agent in (name for name in bodies if name not in scene.names):
+            text = f"no agent is named {agent!r}{suggestion(agent, scene.names, 'there are')}"
+            yield Problem(("bodies", agent), text, "unknown-agent")
+        first: dict[str, str] = {}  # agents by their bodies
+        for agent in scene.names:
+            body = bodies.get(agent, agent)
+            if (other := first.setdefault(body, agent)) != agent:
+                at = agent if agent in bodies else other
+                text = f"body {body!r} is of {other!r} and of {agent!r}; name one for each agent"
+                yield Problem(("bodies", at), text, "duplicate-name")
 
     @staticmethod
     def connect(registry: Registry, scene: Scene, options: Mapping[str, Any]) -> MotionCapture:
@@ -132,7 +149,7 @@ class MocapSourceSpec(Spec):
         """
         from star_mocap.system import MotionCapture
 
-        for problem in MocapSourceSpec.check(registry, options):
+        for problem in MocapSourceSpec.check(registry, scene, options):
             raise PluginError(f"motion capture: {problem.message}", problem.code)
         schema = {"properties": MocapSourceSpec.system_options(registry)}
         return MotionCapture(registry, scene, fill_defaults(options, schema))

@@ -48,7 +48,7 @@ def check(scene: Scene, **options: Any) -> Iterable[Problem]:
     if options["mocap"] is not None:
         from star_radio.mocap import problems
 
-        yield from problems(options["mocap"])
+        yield from problems(scene, options["mocap"])
     if options["watchdog"] and scene.period > 0.5:  # noqa: PLR2004 -- s; its time is 1 s
         text = f"it needs a tick of 0.5 s or less, got {scene.period:g} s"
         yield Problem(("watchdog",), text, "out-of-range")

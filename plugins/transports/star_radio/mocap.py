@@ -18,10 +18,10 @@ VELOCITY_INTERVAL: Final = 0.05  # s, over which velocity is a difference of pos
 MAX_FRAME_AGE: Final = 0.1  # s: older frames are not used as ground truth
 
 
-def problems(options: Mapping[str, Any]) -> Iterator[Problem]:
+def problems(scene: Scene, options: Mapping[str, Any]) -> Iterator[Problem]:
     """Yield why the system of the option ``mocap`` cannot be used."""
     registry, source = _sources()
-    for problem in source.check(registry, options):
+    for problem in source.check(registry, scene, options):
         yield Problem(("mocap", *problem.path), problem.message, problem.code)
 
 

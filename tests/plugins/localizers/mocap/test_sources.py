@@ -68,6 +68,24 @@ def test_markers_have_no_names_and_frames_are_taken_once() -> None:
     assert np.isnan(frames[0].poses).all()
 
 
+@pytest.mark.parametrize(
+    ("options", "problem"),
+    [
+        ({"bodies": {"cf9": "first"}}, (("bodies", "cf9"), "unknown-agent")),
+        ({"bodies": {"cf1": "b", "cf2": "b"}}, (("bodies", "cf2"), "duplicate-name")),
+        ({"bodies": {"cf1": "cf2"}}, (("bodies", "cf1"), "duplicate-name")),
+        ({"bodies": {"cf1": "cf2", "cf2": "cf1"}}, None),
+        ({"source": {"replay": {"file": "no"}}}, (("source", "replay", "file"), "file-not-found")),
+    ],
+)
+def test_unusable_bodies_and_files_are_problems(
+    options: dict[str, Any], problem: Any, tmp_path: Path
+) -> None:
+    room = replace(scene(2), folder=tmp_path)
+    problems = MocapSourceSpec.check(Registry(), room, {"source": mock()} | options)
+    assert [(each.path, each.code) for each in problems] == ([problem] if problem else [])
+
+
 class Others:
     """A plugin of a third party, with a source."""
 
