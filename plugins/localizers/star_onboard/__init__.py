@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any, Final
 
 from star_core import LocalizerSpec, Problem, deferred, hookimpl
-from star_core.toolkit import positive
+from star_core.toolkit import positive, shortlist
 
 if TYPE_CHECKING:
     from star_core import Scene
 
 SYSTEMS: Final = ("lighthouse", "loco", "poses")
 BEACONS: Final = {"lighthouse": "base_stations", "loco": "anchors"}
+
+MAX_YAW: Final = math.radians(10.0)  # rad, of a start by Loco: an error for `star preflight`
 
 DEVIATION: Final[dict[str, Any]] = {
     "type": ["number", "null"],
@@ -53,7 +56,7 @@ OPTIONS: dict[str, Any] = {
 
 
 def check(scene: Scene, *, system: str, **_options: Any) -> Iterable[Problem]:
-    """Require a transport whose drones know the map by this system, and its beacons."""
+    """Require a transport whose drones know the map by this system, its beacons, and headings."""
     simulated = scene.onboard_system
     if simulated is None and not scene.realtime:
         text = (
@@ -67,6 +70,15 @@ def check(scene: Scene, *, system: str, **_options: Any) -> Iterable[Problem]:
             f"{{use: onboard, system: {simulated}}}"
         )
         yield Problem(("system",), text, "option-conflict")
+    if system == "loco":
+        agents = scene.agents
+        turned = [each.name for each in agents if abs(math.remainder(each.yaw, math.tau)) > MAX_YAW]
+        if turned:
+            text = (
+                "anchors measure no heading, and estimators begin along the x axis; start "
+                f"{shortlist(turned)} without yaw_deg"
+            )
+            yield Problem(("system",), text, "option-conflict", warning=not scene.realtime)
     place = BEACONS.get(system)
     if place is not None and not getattr(scene.world, place):
         text = (

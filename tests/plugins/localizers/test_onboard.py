@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -196,6 +197,19 @@ def test_the_system_that_the_drones_have_is_named() -> None:
     problem, *_ = check(replace(scene(1), onboard_system="lighthouse"), system="poses")
     assert problem.path == ("system",)
     assert problem.message.endswith("; write localizer: {use: onboard, system: lighthouse}")
+
+
+@pytest.mark.parametrize("realtime", [True, False])
+@pytest.mark.parametrize(
+    ("yaw_deg", "turned"), [(90, True), (-170, True), (5, False), (360, False)]
+)
+def test_loco_requires_starts_along_the_x_axis(
+    yaw_deg: float, *, turned: bool, realtime: bool
+) -> None:
+    room = load(onboard.LOCO, Registry()).scene
+    agents = tuple(replace(agent, yaw=math.radians(yaw_deg)) for agent in room.agents)
+    changed = replace(room, agents=agents, realtime=realtime)
+    assert findings(changed, "loco") == ([("option-conflict", not realtime)] if turned else [])
 
 
 def test_localizers_that_expect_odometry_are_refused() -> None:
