@@ -36,8 +36,12 @@ def run(options: argparse.Namespace, _registry: Registry) -> int:
                 text = f"{options.run}: the record has no ground truth; name a file by --truth"
                 raise InputError(text, "no-record")
         else:
-            bodies = {name: name for name in run.agents} | dict(pairs(options.body, run.agents))
+            named = dict(pairs(options.body, run.agents))
+            bodies = {name: name for name in run.agents} | named
             tracks = read_truth(Path(options.truth), bodies, options.topic)
+            if absent := [body for name, body in named.items() if name not in tracks]:
+                text = f"{options.truth}: no trajectory of {', '.join(absent)}"
+                raise InputError(text, "no-record")
         offset = None if options.offset == "auto" else float(options.offset)
         evaluation = evaluate(run, tracks, offset=offset, align=options.align)
     source = options.truth or "ground truth of the record"

@@ -48,6 +48,9 @@ class Errors(NamedTuple):
     path_length: float
 
 
+NOT_COMPARED: Final = Errors(0, 0.0, math.nan, math.nan, math.nan, math.nan, math.nan, 0.0)
+
+
 class Evaluation(NamedTuple):
     """A flight compared with ground truth.
 
@@ -125,7 +128,8 @@ def evaluate(
         raise InputError(f"{text}; find their offset by --offset auto", "no-record")
     error, std, finite = (np.concatenate([each[k] for each in pooled]) for k in range(3))
     every = _errors(error, std, finite, sum(length for *_, length in pooled))
-    return Evaluation(results, every, offset, rotation, translation)
+    agents = {name: results.get(name, NOT_COMPARED) for name in run.agents}
+    return Evaluation(agents, every, offset, rotation, translation)
 
 
 def recorded_truth(run: Run) -> dict[str, Array]:
@@ -164,7 +168,7 @@ def _compared(run: Run, row: int, track: Array) -> Compared:
 
 def _errors(offset: Array, std: Array, finite: Mask, length: float) -> Errors:
     if not finite.any():
-        return Errors(0, 0.0, math.nan, math.nan, math.nan, math.nan, math.nan, 0.0)
+        return NOT_COMPARED
     error = offset[finite]
     squared = np.vecdot(error, error)
     normalized = (error / np.maximum(std[finite], 1e-9)) ** 2

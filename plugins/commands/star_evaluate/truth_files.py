@@ -28,8 +28,14 @@ def read_truth(path: Path, bodies: Mapping[str, str], topic: str) -> dict[str, A
         topic: Of an agent's poses in an MCAP file, with ``{}`` for its body.
 
     Raises:
-        InputError: A file cannot be read; the message locates what is wrong.
+        InputError: A file cannot be read, or two agents have the same body; the message locates
+            what is wrong.
     """
+    agents = {body: agent for agent, body in bodies.items()}
+    for agent, body in bodies.items():
+        if (other := agents[body]) != agent:
+            text = f"body {body!r} is of {agent!r} and of {other!r}; name others by --body"
+            raise InputError(text, "duplicate-name")
     try:
         if path.is_dir():
             named = ((agent, _in_folder(path, body)) for agent, body in bodies.items())

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from star_core import AgentPhase, Array, InputError, Run
+from star_core import AgentPhase, Array, InputError, Run, read_run
 from star_core.messages.telemetry import Detections
 from star_core.testing import scene
 from star_core.toolkit import PlannedPaths
@@ -265,3 +265,31 @@ def test_offset_and_alignment_are_stated(recorded: Path, capsys: Printed) -> Non
 def test_an_agent_that_is_not_there_is_refused(recorded: Path) -> None:
     with pytest.raises(InputError, match="--body cf3=x: no agent named 'cf3'"):
         star_evaluate([str(recorded), "--truth", "x.csv", "--body", "cf3=x"])
+
+
+@pytest.mark.parametrize(
+    ("bodies", "message"),
+    [
+        (["cf1=cf2"], r"body 'cf2' is of 'cf1' and of 'cf2'.* \[duplicate-name\]"),
+        (["cf1=drone"], r"truth.csv: no trajectory of drone \[no-record\]"),
+    ],
+)
+def test_a_body_that_is_not_there_or_taken_is_refused(
+    recorded: Path, tmp_path: Path, bodies: list[str], message: str
+) -> None:
+    truth = tmp_path / "truth.csv"
+    truth.write_text("time,body,x,y,z\n0,cf2,0,0,0\n100,cf2,0,0,0\n")
+    options = [word for body in bodies for word in ("--body", body)]
+    with pytest.raises(InputError, match=message):
+        star_evaluate([str(recorded), "--truth", str(truth), *options])
+
+
+def test_an_agent_without_ground_truth_is_listed(recorded: Path) -> None:
+    run = read_run(recorded, flown=True)
+    tracks = recorded_truth(run)
+    first, *others = run.agents
+    del tracks[first]
+    agents = evaluate(run, tracks).agents
+    assert list(agents) == list(run.agents)
+    assert (agents[first].samples, agents[first].coverage) == (0, 0.0)
+    assert all(agents[name].samples > 0 for name in others)
