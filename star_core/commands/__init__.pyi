@@ -8,6 +8,7 @@ from star_core.commands.output import new_folder as new_folder
 from star_core.commands.output import output_folder as output_folder
 from star_core.commands.output import positive_integer as positive_integer
 from star_core.commands.output import replace_file as replace_file
+from star_core.commands.output import reserving as reserving
 from star_core.commands.output import write_report as write_report
 from star_core.commands.output import writing as writing
 from star_core.commands.signals import land_on_signals as land_on_signals

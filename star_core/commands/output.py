@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -27,6 +27,29 @@ def new_folder(name: str) -> Path:
         folder = first.with_name(f"{first.name}-{again}")
         again += 1
     return folder
+
+
+@contextmanager
+def reserving(folder: Path) -> Iterator[Path]:
+    """Create a `new_folder`, with another number if it exists by now; remove it if it stays empty.
+
+    Raises:
+        InputError: It cannot be created.
+    """
+    first, again = folder, 2
+    with writing(first):
+        while True:
+            try:
+                folder.mkdir(parents=True)
+                break
+            except FileExistsError:  # another process has created it in the same second
+                folder = first.with_name(f"{first.name}-{again}")
+                again += 1
+    try:
+        yield folder
+    finally:
+        with suppress(OSError):  # it has files
+            folder.rmdir()
 
 
 def output_folder(out: str | None, name: str, marker: str) -> Path:

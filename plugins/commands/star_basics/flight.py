@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -16,7 +17,7 @@ from star_basics.latest_run import LatestRun
 from star_basics.live_view import FlightProgress
 from star_basics.summary_text import format_summary
 from star_core import InputError, Mission, Operator, PluginError, Registry, fly, load
-from star_core.commands import Source, guarded, land_on_signals, new_folder
+from star_core.commands import Source, guarded, land_on_signals, new_folder, reserving
 from star_core.toolkit import Progress, log
 
 log_messages = logging.getLogger(__name__)
@@ -65,7 +66,6 @@ def run_mission(  # noqa: PLR0913 -- options of the command
         mission = load(Path(path), registry, assignments)
     for warning in (*mission.warnings, *_check(mission, registry)):
         log(warning)
-    folder = _folder(out, mission.name) if keep else None
     progress = FlightProgress(partial(_expected_duration, mission, registry), events=not as_json)
     registry.add(progress, Source("star-swarm:progress"))
     if keep and out is None:
@@ -75,7 +75,8 @@ def run_mission(  # noqa: PLR0913 -- options of the command
         observer = guarded("option", option, option.offer.make, mission, registry, *values)
         registry.add(observer, replace(option.source, plugin=f"{option.source.plugin}:{name}"))
     operator = operator or Operator()
-    with land_on_signals(operator), listening(operator, mission.name):
+    record = _folder(out, mission.name) if keep else nullcontext()
+    with record as folder, land_on_signals(operator), listening(operator, mission.name):
         summary = fly(mission, registry, folder=folder, save_frames=save_frames, operator=operator)
     status = int(bool(operator.lost) or summary["outcome"] != "completed")
     lost = [f"not recorded: {text}" for text in operator.lost]
@@ -115,8 +116,9 @@ def _expected_duration(mission: Mission, registry: Registry) -> float | None:
     return None if rehearsal is None else rehearsal.duration
 
 
-def _folder(out: str | None, name: str) -> Path:
-    """Return the folder of a new record.
+@contextmanager
+def _folder(out: str | None, name: str) -> Iterator[Path]:
+    """Yield the folder of a new record.
 
     Raises:
         InputError: It has a record already, is not a folder, or nothing can be written there.
@@ -137,4 +139,5 @@ def _folder(out: str | None, name: str) -> Path:
     if (folder / "manifest.json").exists():
         text = f"--out {out}: holds the record of a run already; name another folder"
         raise InputError(text, "unwritable-file")
-    return folder
+    with reserving(folder) if out is None else nullcontext(folder) as record:
+        yield record

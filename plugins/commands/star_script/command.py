@@ -5,12 +5,13 @@ from __future__ import annotations
 import json
 from argparse import SUPPRESS, ArgumentError, ArgumentParser, Namespace
 from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
 from star_core import Fence, InputError, Mission, Operator, Registry, load
-from star_core.commands import add_set_option, guarded, land_on_signals, new_folder
+from star_core.commands import add_set_option, guarded, land_on_signals, new_folder, reserving
 from star_core.formats import recognized_as
 from star_core.toolkit import Progress, log
 
@@ -73,12 +74,14 @@ def run(options: Namespace, registry: Registry) -> int:
     mission = _mission(options, registry, script.stem)
     for warning in mission.warnings:
         log(warning)
-    folder = None
-    if not options.no_record:
-        folder = new_folder(script.stem) if options.out is None else Path(options.out)
-        if (folder / "manifest.json").exists():
-            text = f"--out {folder}: holds the record of a run already; name another folder"
+    record: AbstractContextManager[Path | None] = nullcontext()
+    if options.out is not None and not options.no_record:
+        record = nullcontext(Path(options.out))
+        if Path(options.out, "manifest.json").exists():
+            text = f"--out {options.out}: holds the record of a run already; name another folder"
             raise InputError(text, "unwritable-file")
+    elif not options.no_record:
+        record = reserving(new_folder(script.stem))
     for key, values in vars(options).items():
         if key.startswith("--") and values is not None:
             option = registry.find("run_option", key.removeprefix("--"))
@@ -86,7 +89,7 @@ def run(options: Namespace, registry: Registry) -> int:
             plugin = f"{option.source.plugin}:{key.removeprefix('--')}"
             registry.add(observer, replace(option.source, plugin=plugin))
     operator = Operator()
-    with land_on_signals(operator):
+    with record as folder, land_on_signals(operator):
         summary, failed = run_script(
             script,
             options.arguments,
