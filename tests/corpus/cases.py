@@ -122,9 +122,9 @@ def _read(topic: str) -> Iterator[Case]:
 def _files(body: str, base: Mapping[str, str]) -> tuple[dict[str, bytes], list[Expected]]:
     """Return the files of a case, and the errors that they must cause."""
     marks = [
-        Expected.of(found["file"], found["line"], found["column"], found["words"])
+        Expected.of(mark["file"], mark["line"], mark["column"], mark["words"])
         for line in body.splitlines()
-        if (found := AT.fullmatch(line))
+        if (mark := AT.fullmatch(line))
     ]
     lines = [line for line in body.split("\n") if not AT.fullmatch(line)]
     first, *sections = re.split(r"^--- ", "\n".join(lines).rstrip("\n") + "\n", flags=re.MULTILINE)
@@ -141,9 +141,9 @@ def _files(body: str, base: Mapping[str, str]) -> tuple[dict[str, bytes], list[E
         text = text if manner == "whole" or name not in base else _changed(base[name], text)
         files[name] = text.encode()
         marks += [
-            Expected.of(name, number, found["column"], found["words"])
+            Expected.of(name, number, mark["column"], mark["words"])
             for number, line in enumerate(text.split("\n"), start=1)
-            if (found := MARK.search(line))
+            if (mark := MARK.search(line))
         ]
     return files, marks
 

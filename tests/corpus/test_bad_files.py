@@ -89,7 +89,7 @@ def test_a_fault_is_reported_on_its_line_and_nowhere_else(
 
 
 def test_every_fault_has_a_code() -> None:
-    without = [str(case) for case in FAULTY for one in case.expected if not one.code]
+    without = [str(case) for case in FAULTY for expected in case.expected if not expected.code]
     assert without == []
 
 

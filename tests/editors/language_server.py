@@ -70,14 +70,16 @@ class LanguageServer:
 
     def complete(self, path: Path, line: int, character: int) -> list[dict[str, Any]]:
         """Return what may stand at a place, counted from 0."""
-        found = self.ask("textDocument/completion", _at(path, line, character))
-        items: list[dict[str, Any]] = found["items"] if isinstance(found, dict) else found or []
+        completion = self.ask("textDocument/completion", _at(path, line, character))
+        items: list[dict[str, Any]] = (
+            completion["items"] if isinstance(completion, dict) else completion or []
+        )
         return items
 
     def hover(self, path: Path, line: int, character: int) -> str:
         """Return what is shown for what stands at a place, counted from 0."""
-        found = self.ask("textDocument/hover", _at(path, line, character))
-        return "" if found is None else str(found["contents"]["value"])
+        answer = self.ask("textDocument/hover", _at(path, line, character))
+        return "" if answer is None else str(answer["contents"]["value"])
 
     def ask(self, method: str, parameters: Mapping[str, Any]) -> Any:
         """Return the answer to a request.

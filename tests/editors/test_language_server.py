@@ -79,9 +79,9 @@ def marked(server: LanguageServer, names: Iterator[Path]) -> Marked:
 
     def mark(text: str) -> list[dict[str, Any]]:
         path = next(names)
-        found = server.open(path, text)
+        diagnostics = server.open(path, text)
         server.close(path)
-        return found
+        return diagnostics
 
     return mark
 
@@ -95,9 +95,9 @@ def offered(server: LanguageServer, names: Iterator[Path]) -> Offered:
         path = next(names)
         server.open(path, before + after)
         line = before.count("\n")
-        found = server.complete(path, line, len(before) - before.rfind("\n") - 1)
+        completions = server.complete(path, line, len(before) - before.rfind("\n") - 1)
         server.close(path)
-        return found
+        return completions
 
     return offer
 
@@ -110,7 +110,7 @@ def hovered(server: LanguageServer, names: Iterator[Path]) -> Hovered:
         path = next(names)
         server.open(path, text)
         lines = text.splitlines()
-        line = next(i for i, found in enumerate(lines) if where in found)
+        line = next(i for i, text_line in enumerate(lines) if where in text_line)
         at = lines[line].index(f"{key}:", lines[line].index(where) + len(where))
         shown = server.hover(path, line, at + 1)
         server.close(path)
@@ -135,32 +135,32 @@ def hovered(server: LanguageServer, names: Iterator[Path]) -> Hovered:
 def test_a_new_step_is_offered_the_verbs_and_nothing_else(
     offered: Offered, head: str, steps: str
 ) -> None:
-    found = offered(f"{head}mission:\n{steps}")
-    assert sorted(item["label"] for item in found) == sorted(VERBS)
-    assert all(item["documentation"] for item in found)
+    verbs = offered(f"{head}mission:\n{steps}")
+    assert sorted(item["label"] for item in verbs) == sorted(VERBS)
+    assert all(item["documentation"] for item in verbs)
 
 
 @pytest.mark.parametrize("kind", ["transport", "localizer", "planner", "avoider"])
 @pytest.mark.parametrize("place", ["{}: |\n", "{}: s|\n", "{}:\n  use: |\n", "{}: {{use: |}}\n"])
 def test_the_plugins_of_a_kind_are_offered(offered: Offered, kind: str, place: str) -> None:
-    found = offered(f"{HEAD}star: 1\n{place.format(kind)}")
+    plugins = offered(f"{HEAD}star: 1\n{place.format(kind)}")
     expected = {name: offer.summary for name, offer in Registry().offers()[kind].items()}
-    assert {item["label"] for item in found} == set(expected)
+    assert {item["label"] for item in plugins} == set(expected)
     if "use" in place:  # with what they are for
-        assert {item["label"]: item["documentation"] for item in found} == expected
+        assert {item["label"]: item["documentation"] for item in plugins} == expected
 
 
 def test_the_options_of_the_plugin_that_is_used_are_offered(offered: Offered) -> None:
-    found = offered(f"{HEAD}star: 1\navoider:\n  use: orca\n  |\n")
+    items = offered(f"{HEAD}star: 1\navoider:\n  use: orca\n  |\n")
     options = Registry().find("avoider", "orca").offer.options["properties"]
-    assert {item["label"] for item in found} == set(options)
-    assert next(i["documentation"] for i in found if i["label"] == "radius").endswith(", m.")
+    assert {item["label"] for item in items} == set(options)
+    assert next(i["documentation"] for i in items if i["label"] == "radius").endswith(", m.")
 
 
 @pytest.mark.parametrize("head", [HEAD + TOP, STEPS], ids=["mission", "steps"])
 def test_the_options_of_a_verb_are_offered_once_each(offered: Offered, head: str) -> None:
-    found = offered(f"{head}mission:\n  - goto:\n      agents: cf1\n      |\n")
-    assert [item["label"] for item in found] == [
+    options = offered(f"{head}mission:\n  - goto:\n      agents: cf1\n      |\n")
+    assert [item["label"] for item in options] == [
         *("to", "by", "relative_to", "moving", "yaw_deg", "speed", "spacing", "within"),
         *("until", "timeout", "on_failure"),
     ]
@@ -180,8 +180,8 @@ def test_the_options_of_a_verb_are_offered_once_each(offered: Offered, head: str
 def test_the_values_of_an_option_are_offered(
     offered: Offered, head: str, option: str, values: list[str]
 ) -> None:
-    found = offered(f"{head}mission:\n  - {option}\n")
-    assert sorted(item["label"] for item in found) == sorted(values)
+    items = offered(f"{head}mission:\n  - {option}\n")
+    assert sorted(item["label"] for item in items) == sorted(values)
 
 
 @pytest.mark.parametrize(
@@ -285,8 +285,10 @@ def test_a_mistake_has_one_mark_that_covers_it(
 ) -> None:
     assert marked(MISSION) == []
     text = MISSION.replace(right, wrong)
-    found = [one for one in marked(text) if "Missing property" not in one["message"]]
-    assert [*covered(text, found)] == [marks]
+    diagnostics = [
+        diagnostic for diagnostic in marked(text) if "Missing property" not in diagnostic["message"]
+    ]
+    assert [*covered(text, diagnostics)] == [marks]
 
 
 def test_a_file_of_steps_with_parameters_everywhere_has_no_mark(marked: Marked) -> None:
