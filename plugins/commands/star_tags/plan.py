@@ -155,8 +155,8 @@ def _bar(scale: int) -> list[Fill | Text]:
     return [
         Fill((*ends, rectangle((MARGIN + 0.5, 14.75), long - 1, 0.5))),
         Text((MARGIN + long + 2, 13.5), 3.5, f"{metres:g} m"),
-        Text((MARGIN, 7), 3.5, "Frame: the fence. A tag's line points to its upper edge, upright"
-             " tags have none; labels: tags and (x, y) of their middle, m."),
+        Text((MARGIN, 7), 3.5, "Frame: the fence. Lines point to upper edges; upright tags have"
+             " none. Labels: tags, (x, y) in m."),
     ]  # fmt: skip
 
 
