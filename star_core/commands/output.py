@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -21,35 +22,33 @@ RUNS = Path("runs")
 
 def new_folder(name: str) -> Path:
     """Return ``runs/TIME-NAME``, or with a number if that exists; it is not created."""
-    first = RUNS / f"{time.strftime('%Y-%m-%dT%H%M%S')}-{name}"
-    folder, again = first, 2
-    while folder.exists():
-        folder = first.with_name(f"{first.name}-{again}")
-        again += 1
-    return folder
+    return next(folder for folder in _new_folders(name) if not folder.exists())
 
 
 @contextmanager
-def reserving(folder: Path) -> Iterator[Path]:
-    """Create a `new_folder`, with another number if it exists by now; remove it if it stays empty.
+def reserving(name: str) -> Iterator[Path]:
+    """Create a `new_folder`, which no other process has then; remove it if it stays empty.
 
     Raises:
         InputError: It cannot be created.
     """
-    first, again = folder, 2
-    with writing(first):
-        while True:
-            try:
-                folder.mkdir(parents=True)
-                break
-            except FileExistsError:  # another process has created it in the same second
-                folder = first.with_name(f"{first.name}-{again}")
-                again += 1
+    for folder in _new_folders(name):
+        with writing(folder), suppress(FileExistsError):
+            folder.mkdir(parents=True)
+            break
     try:
         yield folder
     finally:
         with suppress(OSError):  # it has files
             folder.rmdir()
+
+
+def _new_folders(name: str) -> Iterator[Path]:
+    """Yield ``runs/TIME-NAME``, then the same with numbers."""
+    first = RUNS / f"{time.strftime('%Y-%m-%dT%H%M%S')}-{name}"
+    yield first
+    for number in count(2):
+        yield first.with_name(f"{first.name}-{number}")
 
 
 def output_folder(out: str | None, name: str, marker: str) -> Path:

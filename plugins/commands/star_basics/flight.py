@@ -139,5 +139,5 @@ def _folder(out: str | None, name: str) -> Iterator[Path]:
     if (folder / "manifest.json").exists():
         text = f"--out {out}: holds the record of a run already; name another folder"
         raise InputError(text, "unwritable-file")
-    with reserving(folder) if out is None else nullcontext(folder) as record:
+    with reserving(name) if out is None else nullcontext(folder) as record:
         yield record

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from star_core import Fence, InputError, Mission, Operator, Registry, load
-from star_core.commands import add_set_option, guarded, land_on_signals, new_folder, reserving
+from star_core.commands import add_set_option, guarded, land_on_signals, reserving
 from star_core.formats import recognized_as
 from star_core.toolkit import Progress, log
 
@@ -81,7 +81,7 @@ def run(options: Namespace, registry: Registry) -> int:
             text = f"--out {options.out}: holds the record of a run already; name another folder"
             raise InputError(text, "unwritable-file")
     elif not options.no_record:
-        record = reserving(new_folder(script.stem))
+        record = reserving(script.stem)
     for key, values in vars(options).items():
         if key.startswith("--") and values is not None:
             option = registry.find("run_option", key.removeprefix("--"))
