@@ -90,7 +90,7 @@ def test_a_tick_does_not_wait_for_a_process_in_real_time() -> None:
         (process,) = processes(made)
         os.kill(process, signal.SIGSTOP)
         heard = list(ticks([circle], 8.0, TAGS))
-        late = [made.locate(report) for report in heard[:100]]  # it would wait for ever
+        late = [made.locate(report) for report in heard[:100]]  # rather than wait forever
         os.kill(process, signal.SIGCONT)
         for report in heard[100:]:
             time.sleep(0.02)

@@ -13,11 +13,12 @@ import numpy as np
 import pytest
 
 import star_radio
-from star_core import Command, Order, Scene, Telemetry, Trajectory
+from star_core import Array, Command, Order, Scene, Telemetry, Trajectory
 from star_core.plugin_support.option_schema import fill_defaults
 from star_core.testing import scene
 from star_fleet.server import Fleet
 from star_radio.options import OPTIONS
+from star_radio.report import Layout, Z
 from star_radio.transport import Radio
 from tests.plugins.transports.star_radio.peer import Peer, PeerClock, UdpPeer
 from tests.plugins.transports.star_radio.virtual import virtual
@@ -55,6 +56,18 @@ def command(
     n = len(rows)
     at, yaws, durations = np.tile(position, (n, 1)), np.full(n, yaw), np.full(n, duration)
     return Command(order, np.array(rows), at, yaws, durations, trajectory)
+
+
+def report_unknown_heights(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let all drones report NaN as their heights from now on."""
+    read = Layout.read
+
+    def unknown(layout: Layout, payloads: Sequence[bytes]) -> Array:
+        values = read(layout, payloads)
+        values[:, Z] = np.nan
+        return values
+
+    monkeypatch.setattr(Layout, "read", unknown)
 
 
 def ticks(radio: Radio, n: int) -> list[Telemetry]:

@@ -19,10 +19,9 @@ from star_fleet.packet import Port
 from star_radio.guarded import Answer
 from star_radio.guardian import Guardian, Lines
 from star_radio.options import RadioOptions
-from star_radio.report import Layout, Z
 from star_radio.transport import Radio
 from tests.end_to_end.virtual_air import MAX_IMPACT, ON_FLOOR, START_TRAJECTORY, TAKEOFF, Air
-from tests.plugins.transports.star_radio.conftest import options
+from tests.plugins.transports.star_radio.conftest import options, report_unknown_heights
 from tests.plugins.transports.star_radio.virtual import virtual
 
 PERIOD = 0.05  # s
@@ -395,16 +394,9 @@ def test_motors_stop_of_a_drone_that_came_down_unheard(bounded: Flight, seconds:
 def test_drones_of_unknown_height_land_and_stop_their_motors(
     flight: Flight, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    read = Layout.read
-
-    def unknown(layout: Layout, payloads: Sequence[bytes]) -> Array:
-        values = read(layout, payloads)
-        values[:, Z] = np.nan
-        return values
-
     flight.guardian._landing_timeout = 20.0
     flight.take_off(0.4, 0.5, 0.6)
-    monkeypatch.setattr(Layout, "read", unknown)
+    report_unknown_heights(monkeypatch)
     died = flight.air.now
     flight.die()
     assert flight.air.now < died + 8.0

@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 import star_radio
-from star_core import Array, InputError, Order
+from star_core import InputError, Order
 from star_core.testing import scene
 from star_fleet.server import Fleet
-from star_radio.report import Layout, Z
 from star_radio.transport import Radio
 from tests.commands import command
 from tests.end_to_end.virtual_air import ON_FLOOR
-from tests.plugins.transports.star_radio.conftest import UNSERVED, options, reached, received
+from tests.plugins.transports.star_radio.conftest import (
+    UNSERVED,
+    options,
+    reached,
+    received,
+    report_unknown_heights,
+)
 from tests.plugins.transports.star_radio.conftest import command as order
 from tests.simulators import ideal_fleet
 
@@ -79,15 +83,8 @@ def test_a_drone_of_unknown_height_is_landed_once(
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    read = Layout.read
-
-    def unknown(layout: Layout, payloads: Sequence[bytes]) -> Array:
-        values = read(layout, payloads)
-        values[:, Z] = np.nan
-        return values
-
     abandon(fleet, tmp_path, [0])
-    monkeypatch.setattr(Layout, "read", unknown)
+    report_unknown_heights(monkeypatch)
     assert run([*fleet.addresses, "--timeout", "20"]) == 0
     assert (fleet.simulator.drones["mode"] == 0).all()
     line = f"{fleet.addresses[0]}  landed, was flying at an unknown height"
